@@ -1,0 +1,1 @@
+"""aerojax: flying objects from calibrated camera networks as 4D Gaussians, classified rotation-invariantly."""

@@ -1,0 +1,1 @@
+"""Captures on disk: the one input of the pipeline."""

@@ -1,0 +1,1 @@
+"""Stage 3: MambaSplat-4D, from clips of Gaussians to class logits."""

@@ -1,0 +1,1 @@
+"""Measures of images, labels, shapes and invariance."""

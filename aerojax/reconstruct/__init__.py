@@ -1,0 +1,1 @@
+"""Stage 2: from views of the object to 3D Gaussians."""

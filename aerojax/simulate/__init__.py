@@ -1,0 +1,1 @@
+"""Stage 0: the simulator. USD scenes in, captures with exact truth out."""

@@ -1,0 +1,1 @@
+"""Procedural USD assets, one file a class, and the catalogue of identities."""

@@ -1,0 +1,1 @@
+"""Training: loop, optimisers, checkpoints and data; nothing model-specific."""

@@ -1,0 +1,1 @@
+"""One file, one act: `python -m experiments.<verb_object>`."""

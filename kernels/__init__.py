@@ -1,0 +1,1 @@
+"""Irregular loops as NVIDIA Warp kernels, each beside a plain reference."""
