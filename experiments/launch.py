@@ -1,0 +1,116 @@
+"""How an experiment starts: Hydra composes, a frozen dataclass receives, a run directory remembers.
+
+    @experiment(Config)
+    def main(config: Config, run: Run) -> None: ...
+
+    if __name__ == "__main__":
+        main()
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib.metadata
+import inspect
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from aerojax.config import to_dataclass
+from aerojax.errors import UserError
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+CONF_DIR = REPOSITORY / "conf"
+_PACKAGES = ("jax", "jaxlib", "flax", "optax", "warp-lang", "usd-core", "opencv-python-headless", "numpy")
+
+_Config = TypeVar("_Config")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Where one run leaves its files, and how it was started."""
+
+    directory: Path
+    name: str
+    overrides: tuple[str, ...]
+
+
+def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run], None]], Callable[[], None]]:
+    """Make `main(config, run)` a command line: `python -m experiments.<name> [key=value …] [-m] [--help]`.
+
+    The configuration is `conf/<name>.yaml`, converted once and strictly to `config_type`. A `UserError` ends the
+    process with code 2 and its message alone; any other exception is a bug and keeps its traceback.
+    """
+
+    def decorate(act: Callable[[_Config, Run], None]) -> Callable[[], None]:
+        name = Path(inspect.getfile(act)).stem
+
+        def job(cfg: DictConfig) -> None:
+            values = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+            config = to_dataclass(values, config_type, source=f"conf/{name}.yaml")  # type: ignore[arg-type]
+            settings = HydraConfig.get()
+            directory = Path(settings.runtime.output_dir)
+            run = Run(directory=directory, name=name, overrides=tuple(settings.overrides.task))
+            write_json(directory / "run.json", {**provenance(run.overrides), "experiment": name, "config": values})
+            act(config, run)
+
+        @functools.wraps(act)
+        def command() -> None:
+            os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
+            os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+            job.__module__ = "__main__"
+            entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
+            try:
+                entry()
+            except (UserError, HydraException, OmegaConfBaseException) as error:
+                print(f"error: {error}", file=sys.stderr)
+                sys.exit(2)
+            except KeyboardInterrupt:
+                print("interrupted", file=sys.stderr)
+                sys.exit(130)
+
+        return command
+
+    return decorate
+
+
+def provenance(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
+    """What is needed to make a result again: overrides, versions, commit and machine."""
+    return {
+        "overrides": list(overrides),
+        "versions": {p: importlib.metadata.version(p) for p in _PACKAGES} | {"python": platform.python_version()},
+        "commit": _commit(),
+        "machine": {"system": platform.platform(), "cpus": os.cpu_count()},
+    }
+
+
+def _commit() -> str | None:
+    try:
+        head = _git("rev-parse", "HEAD")
+        return head + ("+changes" if _git("status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return None  # an installed package has no checkout
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON so that a reader never sees half of it."""
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(json.dumps(content, indent=1) + "\n")
+    temporary.replace(path)
