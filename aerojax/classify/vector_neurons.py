@@ -1,0 +1,103 @@
+"""Vector-neuron layers: linear maps, rectifiers and norms that commute with rotations.
+
+A token is a matrix (slot, channel). Slots 0..2 are the coordinates of `channel` vectors, further slots hold invariants;
+a rotation acts on the first three slots from the left, every layer here acts on channels from the right, so they
+commute. The channel axis is last because that makes each linear map one matrix product over all tokens and slots.
+(Deng et al. 2021, Vector Neurons; Assaad et al. 2022, VN-Transformer.)
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+from jaxtyping import Array, Float, Key
+
+Init = Literal["fan_in", "unit"]
+
+
+def draw_weight(shape: tuple[int, ...], init: Init, *, key: Key[Array, ""]) -> Float[Array, "..."]:
+    """Normal weights (out, in): variance 1/in, or 1 as in the published code."""
+    weight = jax.random.normal(key, shape)
+    return weight / jnp.sqrt(float(shape[-1])) if init == "fan_in" else weight
+
+
+class VNLinear(nnx.Module):
+    """y = W x over channels, optionally plus ε·b/‖b‖ in every slot (the published bias, which is not equivariant)."""
+
+    def __init__(
+        self, inputs: int, outputs: int, *, key: Key[Array, ""], init: Init = "fan_in", bias_epsilon: float = 0.0
+    ):
+        weight_key, bias_key = jax.random.split(key)
+        self.weight = nnx.Param(draw_weight((outputs, inputs), init, key=weight_key))
+        self.bias = nnx.Param(jax.random.normal(bias_key, (outputs,))) if bias_epsilon else None
+        self.bias_epsilon = bias_epsilon
+
+    def __call__(self, x: Float[Array, "*batch inputs"]) -> Float[Array, "*batch outputs"]:
+        """Mix channels; the same for every slot."""
+        y = x @ self.weight[...].T
+        if self.bias is None:
+            return y
+        bias = self.bias[...]
+        return y + self.bias_epsilon * bias / jnp.maximum(jnp.linalg.norm(bias), 1e-12)
+
+
+def clip_to_half_space(
+    q: Float[Array, "*batch slot channel"], k: Float[Array, "*batch slot channel"], slope: float = 0.0
+) -> Float[Array, "*batch slot channel"]:
+    """The vector-neuron rectifier: where ⟨q, k⟩ < 0, remove (1-slope) of q's component along k.
+
+    q - (1-slope)·min(⟨q,k⟩, 0)·k/‖k‖², the orthogonal projection on {x: ⟨x,k⟩ ≥ 0} for slope 0; products run over slots.
+    """
+    inner = jnp.sum(q * k, axis=-2, keepdims=True)
+    square = jnp.sum(k * k, axis=-2, keepdims=True)
+    # Unit k is k/max(‖k‖, 1e-6); in squares there is no root whose gradient could be infinite.
+    return q - (1 - slope) * jnp.minimum(inner, 0.0) / jnp.maximum(square, 1e-12) * k
+
+
+class VNRectifier(nnx.Module):
+    """`clip_to_half_space` of a learned feature W x against a learned direction U x."""
+
+    def __init__(self, inputs: int, outputs: int, *, key: Key[Array, ""], init: Init = "fan_in", slope: float = 0.0):
+        feature_key, direction_key = jax.random.split(key)
+        self.W = nnx.Param(draw_weight((outputs, inputs), init, key=feature_key))
+        self.U = nnx.Param(draw_weight((outputs, inputs), init, key=direction_key))
+        self.slope = slope
+
+    def __call__(self, x: Float[Array, "*batch slot inputs"]) -> Float[Array, "*batch slot outputs"]:
+        """Rectify; both maps in one product."""
+        both = x @ jnp.concatenate([self.W[...], self.U[...]]).T
+        q, k = jnp.split(both, 2, axis=-1)
+        return clip_to_half_space(q, k, self.slope)
+
+
+class VNLayerNorm(nnx.Module):
+    """Published norm: each vector keeps its direction and gets the layer-normalised length of its channel.
+
+    Jumps at the zero vector and can flip vectors, because a normalised length may be negative.
+    """
+
+    def __init__(self, channels: int):
+        self.gain = nnx.Param(jnp.ones(channels))
+
+    def __call__(self, x: Float[Array, "*batch slot channel"]) -> Float[Array, "*batch slot channel"]:
+        """x/max(‖x‖, 1e-6) · LayerNorm(‖x‖) over channels, ε 1e-5."""
+        square = jnp.sum(x * x, axis=-2, keepdims=True)
+        length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+        centred = length - length.mean(axis=-1, keepdims=True)
+        deviation = jnp.sqrt(jnp.mean(centred * centred, axis=-1, keepdims=True) + 1e-5)
+        return x / jnp.maximum(length, 1e-6) * (centred / deviation * self.gain[...])
+
+
+class VNRMSNorm(nnx.Module):
+    """x·g/rms_c‖x_c‖: one positive factor a token, so directions stay and zero goes to zero continuously."""
+
+    def __init__(self, channels: int):
+        self.gain = nnx.Param(jnp.ones(channels))
+
+    def __call__(self, x: Float[Array, "*batch slot channel"]) -> Float[Array, "*batch slot channel"]:
+        """Normalise; ε 1e-6 under the root, so lengths far below 1e-3 shrink instead of being blown up."""
+        square = jnp.sum(x * x, axis=(-2, -1), keepdims=True) / x.shape[-1]
+        return x * (jax.lax.rsqrt(square + 1e-6) * self.gain[...])
