@@ -1,0 +1,129 @@
+"""Class-typical 6-DoF flight of the body frame (nose +X, up +Z), keyframed at the capture's frame rate. Host-side.
+
+Kinematics, not dynamics: a smooth path is drawn and the attitude that would fly it follows. A multicopter's lift is
+along its up axis, so it tilts by atan(a/g); airplanes and birds bank by tan φ = v²/(g r) (stage-0 facts, [L]).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+GRAVITY = 9.81
+Motion = Literal["in_place", "flight"]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Poses of the body, one a frame: position (metres, world) and rotation `world_from_body`."""
+
+    position: Float[np.ndarray, "time 3"]
+    world_from_body: Float[np.ndarray, "time 3 3"]
+
+
+@dataclass(frozen=True)
+class _Style:
+    """Ranges of a class: speed (m/s), bank limit and pitch (degrees), rate of turn (rad/s), climb angle (degrees)."""
+
+    speed: tuple[float, float]
+    bank_limit: float
+    pitch: tuple[float, float]
+    turn: float
+    climb: float
+
+
+_FORWARD = {
+    "bird": _Style(speed=(3.0, 9.0), bank_limit=55.0, pitch=(-8.0, 10.0), turn=0.9, climb=15.0),
+    "airplane": _Style(speed=(5.0, 11.0), bank_limit=45.0, pitch=(-4.0, 6.0), turn=0.5, climb=10.0),
+    "helicopter": _Style(speed=(0.0, 6.0), bank_limit=20.0, pitch=(-12.0, 2.0), turn=0.7, climb=10.0),
+}
+
+
+def draw_flight(
+    label: str, *, frames: int, fps: float, motion: Motion, rng: np.random.Generator, max_travel: float = 7.0
+) -> Flight:
+    """Draw a flight whose middle frame is at the origin.
+
+    Args:
+        label: one of `CLASSES`.
+        frames, fps: length and rate.
+        motion: `in_place` holds one heading at the origin with an elevation within ±20° (the published Sim-1);
+            `flight` moves as the class does.
+        rng: source of every draw.
+        max_travel: metres that the whole path may span; faster flights are slowed to fit the monitored volume.
+    """
+    seconds = (np.arange(frames) - (frames - 1) / 2) / fps
+    if motion == "in_place":
+        heading, elevation = rng.uniform(0, 2 * np.pi), np.deg2rad(rng.uniform(-20, 20))
+        attitude = _attitude(np.array([heading]), np.array([-elevation]), np.zeros(1))
+        return Flight(np.zeros((frames, 3)), np.repeat(attitude, frames, axis=0))
+    flight = _hover(seconds, rng) if label == "drone" else _forward(_FORWARD[label], label, seconds, rng)
+    span = np.linalg.norm(np.ptp(flight.position, axis=0))
+    shrink = min(1.0, max_travel / max(span, 1e-9))
+    return Flight(flight.position * shrink, flight.world_from_body)
+
+
+def _attitude(
+    yaw: Float[np.ndarray, "time"], pitch: Float[np.ndarray, "time"], roll: Float[np.ndarray, "time"]
+) -> Float[np.ndarray, "time 3 3"]:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), radians; positive pitch is nose down in this right-handed, Z-up frame."""
+    cy, sy, cp, sp, cr, sr = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch), np.cos(roll), np.sin(roll)
+    rows = (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
+    return np.moveaxis(np.array([[*row] for row in rows]), -1, 0)
+
+
+def _wobble(seconds: np.ndarray, rng: np.random.Generator, *, amplitude: float, terms: int = 3) -> np.ndarray:
+    """A smooth band-limited disturbance (0.3 to 2.5 Hz) of about the given amplitude."""
+    frequency, phase = rng.uniform(0.3, 2.5, terms), rng.uniform(0, 2 * np.pi, terms)
+    weight = rng.normal(0, amplitude / np.sqrt(terms), terms)
+    return np.sin(2 * np.pi * seconds[:, None] * frequency + phase) @ weight
+
+
+def _forward(style: _Style, label: str, seconds: np.ndarray, rng: np.random.Generator) -> Flight:
+    speed = rng.uniform(*style.speed)
+    turn = rng.uniform(-style.turn, style.turn)
+    yaw = rng.uniform(0, 2 * np.pi) + turn * seconds + 0.15 * _wobble(seconds, rng, amplitude=turn)
+    climb = np.deg2rad(rng.uniform(-style.climb, style.climb))
+    velocity = speed * np.stack(
+        [np.cos(climb) * np.cos(yaw), np.cos(climb) * np.sin(yaw), np.full_like(yaw, np.sin(climb))], axis=1
+    )
+    step = seconds[1] - seconds[0] if len(seconds) > 1 else 0.0
+    path = np.cumsum(velocity, axis=0) * step
+    position = path - path[len(path) // 2]
+    limit = np.deg2rad(style.bank_limit)
+    bank = np.clip(np.arctan(speed * turn / GRAVITY), -limit, limit)
+    roll = -bank + _wobble(seconds, rng, amplitude=np.deg2rad(3.0))
+    pitch = -climb - np.deg2rad(rng.uniform(*style.pitch)) + _wobble(seconds, rng, amplitude=np.deg2rad(2.0))
+    if label == "helicopter":
+        # Pedal turns: the nose need not point along the path at low speed.
+        yaw = yaw + (1 - speed / style.speed[1]) * (rng.uniform(-np.pi, np.pi) + rng.uniform(-1.0, 1.0) * seconds)
+    return Flight(position, _attitude(yaw, pitch, roll))
+
+
+def _hover(seconds: np.ndarray, rng: np.random.Generator) -> Flight:
+    """Hover, dash and reversal of a multicopter: tilt follows acceleration, yaw is free."""
+    reach = 10 ** rng.uniform(-1.7, 0.3)  # 2 cm of hover jitter to 2 m of dash
+    axes = [(_wobble(seconds, rng, amplitude=reach * a)) for a in (1.0, 1.0, 0.4)]
+    drift = rng.normal(0, 1.0, 3) * np.array([1.5, 1.5, 0.4]) * rng.uniform(0, 1)
+    position = np.stack(axes, axis=1) + seconds[:, None] * drift
+    acceleration = np.zeros_like(position)
+    if len(seconds) > 2:
+        step = seconds[1] - seconds[0]
+        acceleration = np.gradient(np.gradient(position, step, axis=0), step, axis=0)
+    horizontal = acceleration[:, :2]
+    size = np.linalg.norm(horizontal, axis=1, keepdims=True)
+    horizontal = horizontal * np.minimum(1.0, GRAVITY * np.tan(np.deg2rad(40.0)) / np.maximum(size, 1e-9))
+    yaw = rng.uniform(0, 2 * np.pi) + rng.uniform(-2.0, 2.0) * seconds
+    forward = np.cos(yaw) * horizontal[:, 0] + np.sin(yaw) * horizontal[:, 1]
+    left = -np.sin(yaw) * horizontal[:, 0] + np.cos(yaw) * horizontal[:, 1]
+    steady = np.deg2rad(rng.normal(0, 4.0, 2))  # leaning into a wind
+    pitch = np.arctan2(forward, GRAVITY) + steady[0]
+    roll = -np.arctan2(left, GRAVITY) + steady[1]
+    return Flight(position - position[len(position) // 2], _attitude(yaw, pitch, roll))
