@@ -1,0 +1,124 @@
+"""Frames of a capture as arrays: undistorted, checked for size, and on the capture's common clock."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt16
+
+from aerojax.capture.calibration import undistort_image
+from aerojax.capture.format import Capture, CaptureCamera
+from aerojax.capture.paths import is_video, locate
+from aerojax.capture.video import open_video
+from aerojax.errors import UserError
+
+
+def source_frame(capture: Capture, camera_index: int, frame: int) -> int | None:
+    """The camera's own frame that shows the capture's time frame/fps best: round(frame - time_offset_s·fps).
+
+    The image is off by up to half a frame period where the offset is no multiple of it.
+
+    Returns:
+        The index, or None where the camera was not recording at that time.
+
+    Raises:
+        IndexError: `frame` is not a frame of the capture.
+    """
+    if not 0 <= frame < capture.frames:
+        raise IndexError(f"frame {frame} of a capture with {capture.frames} frames")
+    # Halves go up: round-half-even would take one frame twice and skip the next.
+    index = math.floor(frame - capture.cameras[camera_index].time_offset_s * capture.fps + 0.5)
+    return index if 0 <= index < capture.frames else None
+
+
+def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 3"] | None:
+    """One image, sRGB 0..1, undistorted; None where the camera was not recording.
+
+    Videos are decoded in order by a reader that stays open: ask for frames in ascending order.
+
+    Raises:
+        UserError: the file is missing, damaged or of another size.
+    """
+    camera = capture.cameras[camera_index]
+    index = source_frame(capture, camera_index, frame)
+    if index is None:
+        return None
+    path = locate(capture.folder, camera.rgb, index)
+    if is_video(camera.rgb):
+        image = open_video(path).read(index)
+    else:
+        # Orientation tags would turn the image away from its calibration; 16-bit images keep their depth.
+        decoded = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+        image = cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
+    _check_size(path, image, camera)
+    if image.dtype not in (np.uint8, np.uint16):
+        raise UserError(f"{path}: has {image.dtype} values; write an 8- or 16-bit image")
+    white = np.float32(65535 if image.dtype == np.uint16 else 255)
+    return _undistorted(image, camera).astype(np.float32) / white
+
+
+def read_mask(capture: Capture, camera_index: int, frame: int) -> UInt16[np.ndarray, "height width"] | None:
+    """Instance ids, 0 = background, undistorted; None without masks or where the camera was not recording.
+
+    An 8-bit mask of 0 and 255 is a picture of one object and becomes 0 and 1.
+
+    Raises:
+        UserError: the file is missing, damaged, coloured or of another size.
+    """
+    camera = capture.cameras[camera_index]
+    index = source_frame(capture, camera_index, frame)
+    if index is None or camera.mask is None:
+        return None
+    path = locate(capture.folder, camera.mask, index)
+    mask = _decode(path, cv2.IMREAD_UNCHANGED)
+    if mask.ndim != 2 or mask.dtype not in (np.uint8, np.uint16):
+        raise UserError(f"{path}: a mask must be a grey 8- or 16-bit image; convert it")
+    _check_size(path, mask, camera)
+    if mask.dtype == np.uint8 and not np.any((mask != 0) & (mask != 255)):
+        mask = mask // 255
+    return _undistorted(mask.astype(np.uint16), camera, blend=False)
+
+
+def read_depth(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width"] | None:
+    """Depth along the optical axis, metres, 0 = none, undistorted; None as for `read_mask`.
+
+    Raises:
+        UserError: the file is missing, damaged, not float32, of another size, or holds a negative or infinite value.
+    """
+    camera = capture.cameras[camera_index]
+    index = source_frame(capture, camera_index, frame)
+    if index is None or camera.depth is None:
+        return None
+    path = locate(capture.folder, camera.depth, index)
+    depth = _decode(path, cv2.IMREAD_UNCHANGED)
+    if depth.ndim != 2 or depth.dtype != np.float32:
+        raise UserError(f"{path}: depth must be one channel of float32; write metres as a float TIFF")
+    _check_size(path, depth, camera)
+    if not np.all(np.isfinite(depth) & (depth >= 0)):
+        raise UserError(f"{path}: depth must be finite and not negative; write 0 where there is none")
+    return _undistorted(depth, camera, blend=False)
+
+
+def _decode(path: Path, flags: int) -> np.ndarray:
+    data = np.fromfile(path, dtype=np.uint8)  # decoding from memory also works for paths beyond ASCII
+    try:
+        image = cv2.imdecode(data, flags) if data.size else None
+    except cv2.error:
+        image = None
+    if image is None:
+        raise UserError(f"{path}: the image is damaged or cut short; write or copy it again")
+    return image
+
+
+def _check_size(path: Path, image: np.ndarray, camera: CaptureCamera) -> None:
+    height, width = image.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        wanted = f"{camera.width}×{camera.height}"
+        raise UserError(f"{path}: is {width}×{height} pixels, camera {camera.name} {wanted}; correct capture.json")
+
+
+def _undistorted(image: np.ndarray, camera: CaptureCamera, *, blend: bool = True) -> np.ndarray:
+    return undistort_image(image, camera.K, camera.distortion_model, camera.distortion, blend=blend)

@@ -1,0 +1,79 @@
+"""File patterns of a capture: parsed by regular expression, never by `str.format`, and never outside the folder."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path, PureWindowsPath
+
+from aerojax.errors import UserError
+
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v")
+RGB_SUFFIXES = (".png", ".jpg", ".jpeg")
+MASK_SUFFIXES = (".png",)
+DEPTH_SUFFIXES = (".tiff", ".tif")
+
+_PATTERN = re.compile(r"(?P<head>[^{}]*)\{frame(?::0(?P<digits>[1-9]|1[0-9])d)?\}(?P<tail>[^{}]*)")
+
+
+def is_video(pattern: str) -> bool:
+    """Whether `rgb` names one video file rather than a file a frame."""
+    return "{" not in pattern and pattern.lower().endswith(VIDEO_SUFFIXES)
+
+
+def pattern_problem(pattern: str, suffixes: tuple[str, ...], *, video: bool = False) -> str | None:
+    """What is wrong with a file pattern, or None.
+
+    Args:
+        pattern: relative path with exactly one `{frame}` or `{frame:0Nd}`.
+        suffixes: lower-case file endings that this kind of file may have.
+        video: whether one video file may stand instead of the pattern.
+    """
+    if outside := relative_path_problem(pattern):
+        return outside
+    if video and is_video(pattern):
+        return None
+    if not _PATTERN.fullmatch(pattern):
+        return "must contain exactly one {frame} or {frame:0Nd} and no other braces"
+    if not pattern.lower().endswith(suffixes):
+        return f"must end in {' or '.join(suffixes + (VIDEO_SUFFIXES if video else ()))}"
+    return None
+
+
+def relative_path_problem(path: str) -> str | None:
+    """Why a path of a capture could leave its folder, or None; reads nothing from the disk."""
+    parts = path.replace("\\", "/").split("/")
+    if path.startswith(("/", "\\", "~")) or PureWindowsPath(path).drive:
+        return "is an absolute path"
+    if ".." in parts:
+        return "leaves the capture's folder with '..'"
+    if "\\" in path or not path.isprintable() or not path.strip():
+        return "is empty or contains a backslash or a control character"
+    return None
+
+
+def frame_path(pattern: str, frame: int) -> str:
+    """The relative path of one frame; a path without placeholder (a video) is returned as it is."""
+    match = _PATTERN.fullmatch(pattern)
+    if match is None:
+        return pattern
+    return f"{match['head']}{frame:0{int(match['digits'] or 1)}d}{match['tail']}"
+
+
+def is_inside(folder: Path, path: Path) -> bool:
+    """Whether `path` lies in `folder` after all symbolic links are followed."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+def locate(folder: Path, pattern: str, frame: int) -> Path:
+    """The file of one frame, safe to open.
+
+    Raises:
+        UserError: the pattern leaves the folder, or the file is missing or not a regular file.
+    """
+    relative = frame_path(pattern, frame)
+    path = folder / relative
+    if relative_path_problem(relative) or not is_inside(folder, path):
+        raise UserError(f"{relative}: leaves the capture's folder {folder}; put the file inside it")
+    if not path.is_file():
+        raise UserError(f"{path}: the file is missing; restore it or validate the capture")
+    return path
