@@ -18,15 +18,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.capture.format import Capture
-from aerojax.capture.images import FrameReader
+from aerojax.capture.images import read_mask, read_rgb
 from aerojax.errors import UserError
 from aerojax.gaussians.decimate import DecimationConfig, decimate
 from aerojax.gaussians.rotate import transform
+from aerojax.geometry.boxes import Box, tight_box, touches_border
 from aerojax.geometry.triangulation import intersect_rays
 from aerojax.reconstruct.crop import crop_cameras, crop_image
 from aerojax.reconstruct.hull import HullConfig, visual_hull
 from aerojax.segment.motion import background, motion_mask
-from aerojax.segment.truth import choose_object, object_box, touches_border
+from aerojax.segment.truth import choose_object
 from aerojax.types import Camera, Gaussians, View
 
 Progress = Callable[[int, int, str], None]
@@ -56,7 +57,7 @@ class FrameImages:
     frame: int
     views: View
     valid: Bool[np.ndarray, "view"]
-    boxes: tuple[Float[np.ndarray, "4"] | None, ...]
+    boxes: tuple[Box | None, ...]
     rig_from_crop: Float[np.ndarray, "4 4"]
 
 
@@ -156,27 +157,31 @@ class _MaskSource:
     """Masks of one object: the capture's own where it has them, else motion against a static background."""
 
     def __init__(self, capture: Capture, object_id: int | None):
-        self.reader = FrameReader(capture)
         self._capture = capture
         self._still: dict[int, np.ndarray] = {}
         self._object = None
         if any(camera.mask for camera in capture.cameras):
-            middle = [self.reader.mask(c, capture.frames // 2) for c in range(len(capture.cameras))]
-            found = [m for m in middle if m is not None]
-            if object_id is None and not any(m.any() for m in found):
-                found = [m for f in range(capture.frames) for m in [self.reader.mask(0, f)] if m is not None]
-            self._object = choose_object(found, object_id)
+            self._object = choose_object(capture_masks(capture), object_id)
 
     def mask(self, camera: int, frame: int, image: np.ndarray) -> np.ndarray | None:
         """Coverage 0..1 of the object in one image."""
         if self._capture.cameras[camera].mask is not None:
-            ids = self.reader.mask(camera, frame)
+            ids = read_mask(self._capture, camera, frame)
             return None if ids is None else (ids == self._object).astype(np.float32)
         if camera not in self._still:
             every = np.unique(np.linspace(0, self._capture.frames - 1, 15).astype(int))
-            images = [self.reader.rgb(camera, int(f)) for f in every]
+            images = [read_rgb(self._capture, camera, int(f)) for f in every]
             self._still[camera] = background([i for i in images if i is not None])
         return motion_mask(image, self._still[camera]).astype(np.float32)
+
+
+def capture_masks(capture: Capture) -> Iterator[np.ndarray]:
+    """Masks of all cameras, a few frames spread over the capture."""
+    for frame in np.unique(np.linspace(0, capture.frames - 1, 5).astype(int)):
+        for index in range(len(capture.cameras)):
+            mask = read_mask(capture, index, int(frame))
+            if mask is not None:
+                yield mask
 
 
 def _see(
@@ -184,12 +189,12 @@ def _see(
 ) -> FrameImages | str:
     """Read one frame and cut out the object; a sentence instead where too few cameras see it whole."""
     images: list[tuple[np.ndarray, np.ndarray] | None] = []
-    boxes: list[np.ndarray | None] = []
+    boxes: list[Box | None] = []
     with watch.stage("read"):
         for index, camera in enumerate(capture.cameras):
-            image = source.reader.rgb(index, frame)
+            image = read_rgb(capture, index, frame)
             mask = None if image is None else source.mask(index, frame, image)
-            box = None if mask is None else object_box(mask)
+            box = None if mask is None else tight_box(mask > 0.5, min_pixels=4)
             whole = box is not None and not touches_border(box, camera.width, camera.height)
             boxes.append(box)
             images.append((image, mask) if whole and image is not None and mask is not None else None)
@@ -202,14 +207,14 @@ def _see(
 
 
 def _crop(
-    capture: Capture, images: list[tuple[np.ndarray, np.ndarray] | None], boxes: list[np.ndarray | None], size: int
+    capture: Capture, images: list[tuple[np.ndarray, np.ndarray] | None], boxes: list[Box | None], size: int
 ) -> tuple[View, np.ndarray]:
     """Crops in a frame with the rig's axes and the object at its origin."""
     valid = np.array([i is not None for i in images])
     rig_from_world = np.linalg.inv(capture.cameras[0].world_from_cam)
     poses = np.stack([rig_from_world @ c.world_from_cam for c in capture.cameras])
     fallback = next(b for b, ok in zip(boxes, valid, strict=True) if ok)
-    box = np.stack([b if b is not None and ok else fallback for b, ok in zip(boxes, valid, strict=True)])
+    box = np.array([b if b is not None and ok else fallback for b, ok in zip(boxes, valid, strict=True)], np.float64)
     crops = crop_cameras(np.stack([c.K for c in capture.cameras]), poses, box, size=size)
     with jax.enable_x64(True):
         weights = jnp.asarray(valid, jnp.float64)
