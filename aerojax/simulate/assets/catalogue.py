@@ -1,0 +1,124 @@
+"""Identities: who is in which split, and the USD file of each.
+
+Families belong to one split, so a validation or test identity is a new kind of object and not a new draw of a known one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from aerojax.errors import UserError
+from aerojax.simulate.assets import airplanes, birds, helicopters, multicopters
+from aerojax.simulate.assets.authoring import write_asset
+from aerojax.simulate.assets.skeletons import write_skinned
+from aerojax.simulate.assets.variation import seed_of
+from aerojax.types import CLASSES
+
+FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
+    "bird": {
+        "train": ("passerine", "gull", "buzzard", "goose", "pigeon", "heron", "swift", "crow"),
+        "val": ("duck", "falcon"),
+        "test": ("eagle", "stork", "albatross"),
+    },
+    "drone": {
+        "train": (
+            "camera_quad",
+            "racing_quad",
+            "hexacopter",
+            "micro_quad",
+            "research_quad",
+            "octocopter",
+            "guarded_quad",
+            "heavy_lift",
+        ),
+        "val": ("h_frame", "coaxial_x8"),
+        "test": ("dead_cat", "tricopter", "coaxial_y6"),
+    },
+    "airplane": {
+        "train": (
+            "high_wing_trainer",
+            "airliner",
+            "low_wing_sport",
+            "fighter",
+            "glider",
+            "twin_prop",
+            "business_jet",
+            "foam_flyer",
+        ),
+        "val": ("commuter", "flying_wing"),
+        "test": ("biplane", "twin_boom", "canard_delta"),
+    },
+    "helicopter": {
+        "train": ("light_piston", "transport", "light_turbine", "attack", "pod_and_boom", "fenestron"),
+        "val": ("heavy_transport", "coaxial"),
+        "test": ("open_frame", "tandem"),
+    },
+}
+"""Class, split, families: the commonest kinds train, kinds of their own validate and test."""
+
+
+@dataclass(frozen=True)
+class Identity:
+    """One individual object.
+
+    name: unique, also the stem of its file.
+    label: one of `aerojax.types.CLASSES`.
+    family: the ranges that its parameters are drawn from.
+    seed: of its shape, motion and colours.
+    split: "train", "val" or "test".
+    """
+
+    name: str
+    label: str
+    family: str
+    seed: int
+    split: str
+
+
+def identities(split: str, per_class: int) -> tuple[Identity, ...]:
+    """The first `per_class` individuals of every class, classes and families interleaved.
+
+    A larger `per_class` extends the same list, so files that exist stay valid.
+
+    Raises:
+        UserError: if `split` is unknown or `per_class` is negative.
+    """
+    if split not in ("train", "val", "test"):
+        raise UserError(f"split is {split!r}; use train, val or test")
+    if per_class < 0:
+        raise UserError(f"per_class is {per_class}; it counts identities of a class and cannot be negative")
+    return tuple(_identity(split, label, index) for index in range(per_class) for label in CLASSES)
+
+
+def _identity(split: str, label: str, index: int) -> Identity:
+    families = FAMILIES[label][split]
+    family, number = families[index % len(families)], index // len(families)
+    seed = seed_of("aerojax", split, label, family, number)
+    return Identity(f"{label}_{family}_{number:02d}", label, family, seed, split)
+
+
+def build_identity(identity: Identity, folder: Path) -> Path:
+    """Write `<folder>/<name>.usdc` unless it is there already, and return its path.
+
+    The file appears in one step, so several processes may build into one folder.
+
+    Raises:
+        UserError: if the identity names an unknown class or family.
+    """
+    path = folder / f"{identity.name}.usdc"
+    families = FAMILIES.get(identity.label, {})
+    if not any(identity.family in names for names in families.values()):
+        raise UserError(f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}")
+    if path.exists():
+        return path
+    rng = np.random.default_rng(identity.seed)
+    colour_seed = seed_of("colours", identity.seed)
+    if identity.label == "bird":
+        write_skinned(path, birds.author(birds.draw_parameters(identity.family, rng)), colour_seed)
+    else:
+        builder = {"drone": multicopters, "helicopter": helicopters, "airplane": airplanes}[identity.label]
+        write_asset(path, builder.author(builder.draw_parameters(identity.family, rng), rng), colour_seed)
+    return path

@@ -1,0 +1,170 @@
+"""Write skinned assets with UsdSkel: joints, linear-blend weights and time-sampled joint rotations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+
+from aerojax.simulate.assets.authoring import TIME_CODES_PER_SECOND, Part, paint, write_mesh, write_stage
+from aerojax.simulate.assets.shapes import Mesh
+from aerojax.simulate.assets.variation import draw_palette
+
+INFLUENCES = 3
+"""Joints a vertex: a wing's root zone blends the body with the arm, its wrist the arm with the hand."""
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """Joints of an asset.
+
+    paths: joint names with their ancestors, parents first ("body/arm_left").
+    pivots: position of each joint at rest, body frame, metres.
+    """
+
+    paths: tuple[str, ...]
+    pivots: Float[np.ndarray, "joint 3"]
+
+    def parent(self, joint: int) -> int:
+        """Index of the parent joint, -1 for the root."""
+        name = self.paths[joint].rpartition("/")[0]
+        return self.paths.index(name) if name else -1
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One cycle of joint transforms relative to the parent joint's frame.
+
+    seconds: sample times from 0 to the length of the cycle, whose last sample equals the first.
+    quaternion: w, x, y, z.
+    shift: added to the joint's rest position, metres.
+    """
+
+    seconds: Float[np.ndarray, "time"]
+    quaternion: Float[np.ndarray, "time joint 4"]
+    shift: Float[np.ndarray, "time joint 3"]
+
+
+@dataclass(frozen=True)
+class SkinnedPart:
+    """A mesh and how much each joint moves each of its vertices (rows sum to 1)."""
+
+    part: Part
+    weights: Float[np.ndarray, "vertex joint"]
+
+
+@dataclass(frozen=True)
+class SkinnedAsset:
+    """Skinned parts in their rest pose (body frame), the skeleton and one cycle of its motion."""
+
+    parts: tuple[SkinnedPart, ...]
+    skeleton: Skeleton
+    motion: Motion
+
+
+def write_skinned(path: Path, asset: SkinnedAsset, colour_seed: int) -> None:
+    """Write a skinned asset under a SkelRoot whose extent bounds the whole cycle."""
+    palette = draw_palette(colour_seed)
+    half_width = max(float(np.abs(p.part.mesh.points[:, 1]).max()) for p in asset.parts)
+
+    def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
+        holder = UsdSkel.Root.Define(stage, root.AppendChild("skin"))
+        skeleton = _write_skeleton(stage, holder.GetPath().AppendChild("skeleton"), asset.skeleton)
+        animation = _write_motion(stage, skeleton.GetPath().AppendChild("cycle"), asset)
+        UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+        for skinned in asset.parts:
+            child = holder.GetPath().AppendChild(skinned.part.name)
+            mesh = write_mesh(stage, child, skinned.part.mesh, paint(palette, skinned.part, half_width))
+            _bind(mesh, skinned.weights, skeleton)
+        holder.CreateExtentAttr(_extent(asset))
+
+    write_stage(path, float(asset.motion.seconds[-1]), fill)
+
+
+def _write_skeleton(stage: Usd.Stage, path: Sdf.Path, skeleton: Skeleton) -> UsdSkel.Skeleton:
+    prim = UsdSkel.Skeleton.Define(stage, path)
+    prim.CreateJointsAttr(list(skeleton.paths))
+    rest = _rest(skeleton)
+    prim.CreateBindTransformsAttr([Gf.Matrix4d().SetTranslate(Gf.Vec3d(*map(float, p))) for p in skeleton.pivots])
+    prim.CreateRestTransformsAttr([Gf.Matrix4d().SetTranslate(Gf.Vec3d(*map(float, p))) for p in rest])
+    return prim
+
+
+def _rest(skeleton: Skeleton) -> Float[np.ndarray, "joint 3"]:
+    parents = [skeleton.parent(j) for j in range(len(skeleton.paths))]
+    origin = np.stack([skeleton.pivots[p] if p >= 0 else np.zeros(3) for p in parents])
+    return skeleton.pivots - origin
+
+
+def _write_motion(stage: Usd.Stage, path: Sdf.Path, asset: SkinnedAsset) -> UsdSkel.Animation:
+    animation = UsdSkel.Animation.Define(stage, path)
+    count = len(asset.skeleton.paths)
+    animation.CreateJointsAttr(list(asset.skeleton.paths))
+    animation.CreateScalesAttr([Gf.Vec3h(1, 1, 1)] * count)
+    rotations, translations = animation.CreateRotationsAttr(), animation.CreateTranslationsAttr()
+    shift = (_rest(asset.skeleton) + asset.motion.shift).astype(np.float32)
+    for i, seconds in enumerate(asset.motion.seconds):
+        code = float(seconds) * TIME_CODES_PER_SECOND
+        rotations.Set([Gf.Quatf(*map(float, q)) for q in asset.motion.quaternion[i]], code)
+        translations.Set(Vt.Vec3fArray.FromNumpy(shift[i]), code)
+    return animation
+
+
+def _bind(mesh: UsdGeom.Mesh, weights: Float[np.ndarray, "vertex joint"], skeleton: UsdSkel.Skeleton) -> None:
+    binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
+    indices, share = strongest(weights)
+    binding.CreateJointIndicesPrimvar(False, INFLUENCES).Set(Vt.IntArray.FromNumpy(indices.reshape(-1)))
+    binding.CreateJointWeightsPrimvar(False, INFLUENCES).Set(Vt.FloatArray.FromNumpy(share.reshape(-1)))
+    binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1.0))
+    binding.CreateSkeletonRel().SetTargets([skeleton.GetPath()])
+
+
+def strongest(
+    weights: Float[np.ndarray, "vertex joint"],
+) -> tuple[Int[np.ndarray, "vertex influence"], Float[np.ndarray, "vertex influence"]]:
+    """The largest weights of every vertex, renormalised to sum to 1."""
+    order = np.argsort(-weights, axis=1, kind="stable")[:, :INFLUENCES]
+    share = np.take_along_axis(weights, order, axis=1)
+    return order.astype(np.int32), (share / share.sum(1, keepdims=True)).astype(np.float32)
+
+
+def _extent(asset: SkinnedAsset) -> Vt.Vec3fArray:
+    """Bounds of every pose: samples of the cycle skinned on the host."""
+    posed = np.concatenate([pose(asset, i) for i in range(0, len(asset.motion.seconds), 3)])
+    return Vt.Vec3fArray.FromNumpy(np.stack([posed.min(0) - 0.005, posed.max(0) + 0.005]).astype(np.float32))
+
+
+def pose(asset: SkinnedAsset, sample: int) -> Float[np.ndarray, "vertex 3"]:
+    """Linear-blend skinning of all parts at one sample of the motion, body frame."""
+    skeleton, rest = asset.skeleton, _rest(asset.skeleton)
+    turn, origin = [], []
+    for j in range(len(skeleton.paths)):
+        local, offset = _matrix(asset.motion.quaternion[sample, j]), rest[j] + asset.motion.shift[sample, j]
+        parent = skeleton.parent(j)
+        turn.append(local if parent < 0 else turn[parent] @ local)
+        origin.append(offset if parent < 0 else turn[parent] @ offset + origin[parent])
+    moved = []
+    for skinned in asset.parts:
+        points = skinned.part.mesh.points
+        each = np.stack([(points - p) @ r.T + o for p, r, o in zip(skeleton.pivots, turn, origin, strict=True)], axis=1)
+        moved.append(np.einsum("vj,vji->vi", skinned.weights, each))
+    return np.concatenate(moved)
+
+
+def _matrix(quaternion: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
+    w, x, y, z = quaternion
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+def rescaled(asset: SkinnedAsset, factor: float) -> SkinnedAsset:
+    """Scale meshes, joints and shifts about the origin."""
+    parts = tuple(
+        SkinnedPart(Part(s.part.name, Mesh(s.part.mesh.points * factor, s.part.mesh.faces), s.part.role), s.weights)
+        for s in asset.parts
+    )
+    motion = Motion(asset.motion.seconds, asset.motion.quaternion, asset.motion.shift * factor)
+    return SkinnedAsset(parts, Skeleton(asset.skeleton.paths, asset.skeleton.pivots * factor), motion)

@@ -1,0 +1,203 @@
+"""An animated USD asset as one triangle mesh: skinning and transforms evaluated from the stage at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int, UInt16
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
+
+from aerojax.errors import UserError
+
+Evaluate = Callable[[float], Float[np.ndarray, "vertex 3"]]
+"""Positions of one prim's vertices in the body frame (metres) at a time code."""
+
+
+@dataclass(frozen=True)
+class AnimatedMesh:
+    """The triangles of an asset and where their vertices are at any time.
+
+    faces: vertex indices, counter-clockwise seen from outside.
+    albedo: sRGB, 0..1.
+    part: index into `part_names`.
+    part_names: paths of the USD meshes.
+    cycle_seconds: length of the animation; 0 if nothing moves.
+    """
+
+    faces: Int[np.ndarray, "face 3"]
+    albedo: Float[np.ndarray, "face 3"]
+    part: UInt16[np.ndarray, "face"]
+    part_names: tuple[str, ...]
+    cycle_seconds: float
+    _stage: Usd.Stage = field(repr=False)  # prims do not keep their stage alive
+    _evaluate: tuple[Evaluate, ...] = field(repr=False)
+    _time_codes_per_second: float = field(repr=False)
+    _first_time_code: float = field(repr=False)
+
+    def vertices_at(self, seconds: float) -> Float[np.ndarray, "vertex 3"]:
+        """Vertices in the body frame, metres; the animation repeats after `cycle_seconds`, before and after 0."""
+        inside = seconds % self.cycle_seconds if self.cycle_seconds > 0 else 0.0
+        time = self._first_time_code + inside * self._time_codes_per_second
+        return np.concatenate([evaluate(time) for evaluate in self._evaluate]).astype(np.float32, copy=False)
+
+
+def load_animated_mesh(path: Path) -> AnimatedMesh:
+    """Open a USD file and prepare every visible mesh in it.
+
+    Stages in other units or with +Y up are brought to metres and +Z up. Polygons are split into fans. Colours come from
+    `displayColor` (linear) and are grey where it is absent.
+
+    Raises:
+        UserError: if the file does not exist, cannot be opened, or holds no mesh.
+    """
+    stage = _open(path)
+    body_from_stage = _body_from_stage(stage)
+    skinned = _skinned_prims(stage)
+    faces, albedo, part, names, evaluate, offset = [], [], [], [], [], 0
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdGeom.Mesh) or UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
+            continue
+        mesh = UsdGeom.Mesh(prim)
+        triangles, polygon = _triangles(mesh)
+        faces.append(triangles + offset)
+        albedo.append(_albedo(mesh, triangles, polygon))
+        part.append(np.full(len(triangles), len(names), np.uint16))
+        names.append(str(prim.GetPath()))
+        binding = skinned.get(prim.GetPath())
+        evaluate.append(
+            _moving(mesh, body_from_stage) if binding is None else _skinning(mesh, *binding, body_from_stage)
+        )
+        offset += len(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))
+    if not names:
+        raise UserError(f"{path}: the stage holds no visible UsdGeomMesh; export the object as meshes")
+    rate = stage.GetTimeCodesPerSecond()
+    return AnimatedMesh(
+        faces=np.concatenate(faces).astype(np.int32),
+        albedo=np.concatenate(albedo).astype(np.float32),
+        part=np.concatenate(part),
+        part_names=tuple(names),
+        cycle_seconds=max(0.0, (stage.GetEndTimeCode() - stage.GetStartTimeCode()) / rate),
+        _stage=stage,
+        _evaluate=tuple(evaluate),
+        _time_codes_per_second=rate,
+        _first_time_code=stage.GetStartTimeCode(),
+    )
+
+
+def _open(path: Path) -> Usd.Stage:
+    if not path.is_file():
+        raise UserError(f"asset {path} does not exist; check the path or build the assets first")
+    try:
+        return Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise UserError(f"asset {path} is not a readable USD file; export it again") from error
+
+
+def _body_from_stage(stage: Usd.Stage) -> Gf.Matrix4d:
+    # USD matrices act on row vectors.
+    matrix = Gf.Matrix4d().SetScale(UsdGeom.GetStageMetersPerUnit(stage))
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        matrix *= Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), 90.0))
+    return matrix
+
+
+def _triangles(mesh: UsdGeom.Mesh) -> tuple[Int[np.ndarray, "face 3"], Int[np.ndarray, "face"]]:
+    """Fan triangles and the polygon each comes from."""
+    time = Usd.TimeCode.EarliestTime()
+    counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
+    corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
+    start = np.cumsum(counts) - counts
+    polygon = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
+    step = np.arange(len(polygon)) - np.searchsorted(polygon, polygon)
+    first = start[polygon]
+    triangles = np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+    if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
+        triangles = triangles[:, ::-1]
+    return triangles, polygon
+
+
+def _albedo(
+    mesh: UsdGeom.Mesh, triangles: Int[np.ndarray, "face 3"], polygon: Int[np.ndarray, "face"]
+) -> Float[np.ndarray, "face 3"]:
+    """One sRGB colour a triangle from `displayColor`, whatever its interpolation."""
+    variable = UsdGeom.PrimvarsAPI(mesh).FindPrimvarWithInheritance("displayColor")
+    values = variable.ComputeFlattened(Usd.TimeCode.EarliestTime()) if variable else None
+    if not values:
+        return np.full((len(triangles), 3), 0.5)
+    linear, kind = np.asarray(values, np.float64), variable.GetInterpolation()
+    if kind == UsdGeom.Tokens.uniform:
+        linear = linear[polygon]
+    elif kind in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
+        linear = linear[triangles].mean(axis=1)
+    elif kind == UsdGeom.Tokens.faceVarying:
+        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()))
+        linear = np.add.reduceat(linear, np.cumsum(counts) - counts)[polygon] / counts[polygon, None]
+    else:
+        linear = np.broadcast_to(linear[0], (len(triangles), 3))
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clip(1e-9) ** (1 / 2.4) - 0.055).clip(0, 1)
+
+
+def _apply(matrix: Gf.Matrix4d, points: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "vertex 3"]:
+    rows = np.asarray(matrix, np.float64)
+    return (points @ rows[:3, :3] + rows[3, :3]).astype(np.float32)
+
+
+def _moving(mesh: UsdGeom.Mesh, body_from_stage: Gf.Matrix4d) -> Evaluate:
+    """Vertices of a mesh that only its transforms or point samples move; computed once if nothing does."""
+
+    def at(time: float) -> Float[np.ndarray, "vertex 3"]:
+        points = np.asarray(mesh.GetPointsAttr().Get(time), np.float64)
+        return _apply(mesh.ComputeLocalToWorldTransform(time) * body_from_stage, points)
+
+    holders, prim = [], mesh.GetPrim()
+    while prim and not prim.IsPseudoRoot():
+        holders.append(prim)
+        prim = prim.GetParent()
+    if mesh.GetPointsAttr().ValueMightBeTimeVarying():
+        return at
+    if not any(UsdGeom.Xformable(p).TransformMightBeTimeVarying() for p in holders if p.IsA(UsdGeom.Xformable)):
+        still = at(0.0)
+        return lambda time: still
+    points = np.asarray(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()), np.float64)
+    return lambda time: _apply(mesh.ComputeLocalToWorldTransform(time) * body_from_stage, points)
+
+
+Binding = tuple[UsdSkel.SkeletonQuery, UsdSkel.SkinningQuery, UsdSkel.Cache]
+
+
+def _skinned_prims(stage: Usd.Stage) -> dict[Sdf.Path, Binding]:
+    found: dict[Sdf.Path, Binding] = {}
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdSkel.Root):
+            continue
+        root, cache = UsdSkel.Root(prim), UsdSkel.Cache()
+        cache.Populate(root, Usd.PrimDefaultPredicate)
+        for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
+            query = cache.GetSkelQuery(binding.GetSkeleton())
+            for target in binding.GetSkinningTargets():
+                found[target.GetPrim().GetPath()] = (query, target, cache)
+    return found
+
+
+def _skinning(
+    mesh: UsdGeom.Mesh,
+    skeleton: UsdSkel.SkeletonQuery,
+    skin: UsdSkel.SkinningQuery,
+    cache: UsdSkel.Cache,
+    body_from_stage: Gf.Matrix4d,
+) -> Evaluate:
+    """Linear-blend skinning by UsdSkel itself; results are in the skeleton's space."""
+    points = mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime())
+
+    def at(time: float, _alive: UsdSkel.Cache = cache) -> Float[np.ndarray, "vertex 3"]:
+        transforms = skeleton.ComputeSkinningTransforms(time)
+        moved = Vt.Vec3fArray(points)
+        skin.ComputeSkinnedPoints(transforms, moved, time)
+        local = skeleton.GetPrim()
+        to_world = UsdGeom.Xformable(local).ComputeLocalToWorldTransform(time)
+        return _apply(to_world * body_from_stage, np.asarray(moved, np.float64))
+
+    return at
