@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-wp.config.log_level = wp.LOG_WARNING if hasattr(wp, "LOG_WARNING") else 30
-
 
 @dataclass(frozen=True)
 class Lighting:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, Key
 
 from aerojax.types import Gaussians
-from kernels.farthest_points_reference import farthest_points
+from kernels.farthest_points import farthest_points
 
 
 @dataclass(frozen=True)

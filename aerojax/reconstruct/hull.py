@@ -34,7 +34,7 @@ class HullConfig:
     """
 
     grid: int = 64
-    capacity: int = 8192
+    capacity: int = 4096
     extent: float = 1.1
     dilation: float = 0.35
     opacity: float = 0.95
@@ -139,11 +139,11 @@ def _surface_axes(
 ) -> tuple[Float[Array, "gaussian 4"], Float[Array, "gaussian 3"]]:
     """Axes and standard deviations from the second moments of the surface within one cell of each point.
 
-    The moments weigh the 5×5×5 grid points about the Gaussian by how near the surface is, so a rod gives one long axis,
+    The moments weigh the 3×3×3 grid points about the Gaussian by how near the surface is, so a rod gives one long axis,
     an edge or sheet two. The normal is one axis; the other two diagonalise the moments in the tangent plane, in closed
     form, which is exact and has no degenerate branch.
     """
-    offset = jnp.stack(jnp.meshgrid(*([jnp.arange(-2, 3)] * 3), indexing="ij"), axis=-1).reshape(-1, 3)
+    offset = jnp.stack(jnp.meshgrid(*([jnp.arange(-1, 2)] * 3), indexing="ij"), axis=-1).reshape(-1, 3)
     base = jnp.round(points / cell + (grid - 1) / 2).astype(jnp.int32)
     ijk = jnp.clip(base[:, None, :] + offset, 0, grid - 1)
     near = jnp.exp(-2.0 * (field[ijk[..., 0], ijk[..., 1], ijk[..., 2]] / cell) ** 2)
