@@ -1,7 +1,8 @@
 """Fixed-wing aircraft; lengths are fractions of the wing span.
 
-Proportions follow real machines: length over span 0.75 (Cessna 172), 0.63 (Piper J-3), 1.05 (A320), 1.0 (business jets),
-1.5 (fighters), 0.42 (15 m gliders), 0.77 (biplanes); the wing is placed so that a quarter of its mean chord lies at the balance point.
+Proportions follow real machines: length over span 0.75 (Cessna 172), 0.63 (Piper J-3), 1.05 (A320), 1.0 (business
+jets), 1.5 (fighters), 0.42 (15 m gliders), 0.77 (biplanes). The wing is placed so that the quarter point of its mean
+chord lies at the balance point.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ class AirplaneParameters:
 
     wing_height: of the wing's root over the fuselage's half height; ±1 is roof or belly.
     balance: share of the length, from the nose, at which the wing's mean quarter chord lies.
-    straight_share: share of the half span with constant chord.
+    straight_share: share of the half span with constant chord. tip_round: 0 square to 1 rounded.
+    pod: share of the length that the fuselage takes between twin booms.
     """
 
     length: float
@@ -48,6 +50,7 @@ class AirplaneParameters:
     tip_dihedral: float
     thickness: float
     winglet: float
+    tip_round: float
     tail: str
     tail_span: float
     tail_chord: float
@@ -66,6 +69,7 @@ class AirplaneParameters:
     stagger: float = 0.0
     canard: float = 0.0
     booms: float = 0.0
+    pod: float = 0.62
 
 
 def draw_parameters(family: str, rng: np.random.Generator) -> AirplaneParameters:
@@ -96,11 +100,12 @@ def author(p: AirplaneParameters, rng: np.random.Generator) -> Asset:
 
 def _fuselage_keys(p: AirplaneParameters) -> list[Key]:
     """Sections from the nose at x = 0 to the tail at x = -length."""
-    w, h, length = p.width / 2, p.height / 2, p.length
+    w, h, length = p.width / 2, p.height / 2, p.length * (p.pod if p.booms > 0 else 1.0)
     blunt = 0.55 if p.power == "nose" else 0.05
+    droop = 0.75 * (1 - p.nose_fullness) if p.power == "nose" else 0.1  # the cowling continues the belly line
     return [
-        (0.0, blunt * p.nose_fullness * w, blunt * p.nose_fullness * h, -0.12 * h),
-        (-0.1 * length, p.nose_fullness * w, p.nose_fullness * h, -0.1 * h),
+        (0.0, blunt * p.nose_fullness * w, blunt * p.nose_fullness * h, -0.02 * h - droop * h),
+        (-0.1 * length, p.nose_fullness * w, p.nose_fullness * h, -droop * h),
         (-0.28 * length, w, h, 0.0),
         (-p.cabin_end * length, 0.97 * w, 0.95 * h, 0.03 * h),
         (-0.5 * (1 + p.cabin_end) * length, 0.55 * w, 0.6 * h, 0.03 * h + 0.45 * p.tail_rise * h),
@@ -135,7 +140,8 @@ def _wing_at(
 def _wing(p: AirplaneParameters, lift: float) -> Mesh:
     share = np.array([0.0, 0.2, 0.4, 0.55, 0.68, 0.82, 0.93, 0.98, 1.0])
     edge, chord = _wing_at(p, share)
-    shrink = np.array([1, 1, 1, 1, 1, 1, 1, 0.93, 0.7])
+    square, rounded = np.array([1, 1, 1, 1, 1, 1, 1, 0.93, 0.7]), np.array([1, 1, 1, 1, 1, 0.97, 0.8, 0.52, 0.2])
+    shrink = (1 - p.tip_round) * square + p.tip_round * rounded
     edge[:, 0] -= 0.5 * chord * (1 - shrink)
     edge += np.array([p.stagger if lift > 0 else 0.0, 0.0, lift])
     twist = 2.0 - 2.5 * share
@@ -176,8 +182,8 @@ def _tail(p: AirplaneParameters) -> Mesh:
         return both_sides(trapezoid((x, 0.0, z), tip, p.tail_chord, 0.6 * p.tail_chord, 0.1, 0.0))
     lift = {"t": 0.96, "cruciform": 0.45}.get(p.tail, 0.0)
     root = (x - lift * (1.1 * back * p.fin_height + 0.1 * p.fin_chord), 0.0, z + lift * p.fin_height)
-    if p.tail in ("twin", "boom"):
-        side = p.booms if p.tail == "boom" else 0.38 * p.width if p.tail_span < 0.2 else half
+    if p.tail in ("twin", "h", "boom"):
+        side = {"boom": p.booms, "h": half, "twin": 0.4 * p.width}[p.tail]
         fin = both_sides(moved(fin, (0.0, side, 0.0)))
     plane_tip = (root[0] - back * half, half, root[2] + 0.02)
     plane = trapezoid(root, plane_tip, p.tail_chord, 0.6 * p.tail_chord, 0.1, 0.0)
@@ -249,11 +255,10 @@ def _gear(p: AirplaneParameters) -> Mesh | None:
 
 def _engine_places(p: AirplaneParameters) -> list[Vector]:
     """Fronts of the engines on the left side, or on the axis."""
-    x, z = _wing_root(p)
     if p.power == "nose":
         return [(0.0, 0.0, -0.06 * p.height)]
     if p.power == "pusher":
-        return [(-p.length if p.tail != "boom" else -p.cabin_end * p.length - 0.08, 0.0, 0.02)]
+        return [(-p.length * (p.pod if p.booms > 0 else 1.0), 0.0, 0.5 * p.tail_rise * p.height)]
     if p.power == "rear_pods":
         return [(-0.72 * p.length, 0.5 * p.width + 0.85 * p.engine_size, 0.25 * p.height)]
     if p.power in ("wing_propellers", "pods"):

@@ -1,8 +1,8 @@
 """Write assets as USD: meshes with extents, normals and colours, rotors as time-sampled transforms.
 
 The stage is metric and +Z up; `displayColor` is linear, as USD has it, while palettes are sRGB. A rotor is a prim whose
-`rotateZ` has two time samples, 0 and a whole number of turns: USD interpolates linearly, so the rotation is exact at every
-time code and the cycle closes.
+`rotateZ` has two time samples, 0 and a whole number of turns: USD interpolates linearly, so the rotation is exact at
+every time code and the cycle closes.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Spin:
 
 @dataclass(frozen=True)
 class Part:
-    """One mesh of an asset; `role` picks its colour (0 is the painted skin). With a spin its hub is the mesh's origin."""
+    """One mesh of an asset; `role` picks its colour (0 is the skin); a spinning mesh has its hub at its origin."""
 
     name: str
     mesh: Mesh

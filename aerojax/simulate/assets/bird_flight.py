@@ -1,7 +1,7 @@
 """Wing beats of birds: joint angles over one cycle of flapping and gliding.
 
-Stroke: the wing falls from top to bottom during `downstroke` of the beat and rises during the rest; the hand lags the arm,
-folds at the wrist on the upstroke, and the body heaves against the wings (Tobalske 2007, J. Exp. Biol. 210, 3135).
+Stroke: the wing falls from top to bottom during `downstroke` of the beat and rises during the rest; the hand lags the
+arm, folds at the wrist on the upstroke, and the body heaves against the wings (Tobalske 2007, J. Exp. Biol. 210, 3135).
 """
 
 from __future__ import annotations

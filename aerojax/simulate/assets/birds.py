@@ -1,6 +1,6 @@
 """Birds: skinned bodies, cambered wings of arm and hand, and tails; lengths are fractions of the wing span.
 
-Proportions follow field guides: length over span 0.35 (albatross), 0.42 (gull), 0.5 (pigeon, crow), 0.62 (passerine), 1.0 (pheasant);
+Proportions follow field guides: length over span 0.35 (albatross), 0.42 (gull), 0.5 (pigeon, crow), 0.62 (passerine);
 aspect ratio (span squared over wing area) 4.5 to 15; the hand is 0.4-0.6 of the half span, more in swifts.
 """
 
@@ -25,7 +25,7 @@ from aerojax.simulate.assets.shapes import (
     polyline_tube,
     rotation_about,
 )
-from aerojax.simulate.assets.skeletons import SkinnedAsset, SkinnedPart, Skeleton, rescaled
+from aerojax.simulate.assets.skeletons import Skeleton, SkinnedAsset, SkinnedPart, rescaled
 from aerojax.simulate.assets.variation import draw
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -35,9 +35,9 @@ UP = np.array([0.0, 0.0, 1.0])
 class BirdParameters:
     """Shape and wing beat of a bird; lengths over the wing span, angles in degrees (see `WingBeat`).
 
-    hand: share of the half span beyond the wrist. wrist_forward: of the wrist before the shoulder. tip_sweep: of the tip
-    behind the wrist. fingers: separated primaries at the tip. wing_place: share of the body length, from its front, of
-    the wing's leading edge.
+    hand: share of the half span beyond the wrist. wrist_forward: of the wrist before the shoulder. tip_sweep: of the
+    tip behind the wrist. fingers: separated primaries at the tip, if it is slotted. wing_place: share of the body
+    length, from its front, of the wing's quarter chord.
     """
 
     body_length: float
@@ -125,9 +125,10 @@ def _trunk_keys(p: BirdParameters) -> list[Key]:
             0.3 * z_head,
         ),
         (front + 0.6 * p.neck_length, p.neck_radius, p.neck_radius, 0.75 * z_head),
-        (neck_end + 0.5 * head, 0.95 * head, head, z_head),
-        (neck_end + 1.5 * head, 0.6 * head, 0.6 * head, z_head),
-        (neck_end + 2.0 * head, 0.15 * head, 0.15 * head, z_head - 0.1 * head),
+        (neck_end + 0.25 * head, 0.9 * head, 0.95 * head, z_head),
+        (neck_end + 0.9 * head, head, head, z_head),
+        (neck_end + 1.6 * head, 0.78 * head, 0.75 * head, z_head),
+        (neck_end + 2.05 * head, 0.2 * head, 0.2 * head, z_head - 0.1 * head),
     ]
 
 
@@ -223,11 +224,11 @@ def _fingers(p: BirdParameters, corner: Float[np.ndarray, "3"], chord: float) ->
     count, feathers = p.fingers, []
     for i in range(count):
         across = (i + 0.5) / count
-        heading = np.deg2rad(82.0 - 14.0 * p.tip_sweep / 0.1 * 0.3 - 46.0 * across)
+        heading = np.deg2rad(84.0 - 42.0 * p.tip_sweep - 36.0 * across)
         reach = (0.5 - corner[1]) * (1.0 if i in (1, 2) else 0.9) * (1.12 - 0.35 * across)
         direction = np.array([np.cos(heading) * (-1.0 if across > 0.3 else 0.0), np.sin(heading), 0.06])
         share = np.array([-0.25, 0.3, 0.8, 1.0])
-        width = 1.0 * chord / count * np.array([1.0, 0.95, 0.7, 0.3])
+        width = 1.12 * chord / count * np.array([1.0, 0.95, 0.7, 0.3])
         start = corner + np.array([-0.92 * chord * across + 0.3 * chord / count, 0.0, 0.01 * (1 - across)])
         edge = start + share[:, None] * reach * direction
         feathers.append(surface(Sections(edge, width, UP, np.full(4, 0.1), 0.03, 2.0), points=3))

@@ -1,6 +1,7 @@
 """Identities: who is in which split, and the USD file of each.
 
-Families belong to one split, so a validation or test identity is a new kind of object and not a new draw of a known one.
+Families belong to one split, so that a validation or test identity is a new kind of object, not a new draw of a known
+one.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 
 from aerojax.errors import UserError
 from aerojax.simulate.assets import airplanes, birds, helicopters, multicopters
-from aerojax.simulate.assets.authoring import write_asset
+from aerojax.simulate.assets.authoring import Asset, write_asset
 from aerojax.simulate.assets.skeletons import write_skinned
 from aerojax.simulate.assets.variation import seed_of
 from aerojax.types import CLASSES
@@ -119,6 +120,14 @@ def build_identity(identity: Identity, folder: Path) -> Path:
     if identity.label == "bird":
         write_skinned(path, birds.author(birds.draw_parameters(identity.family, rng)), colour_seed)
     else:
-        builder = {"drone": multicopters, "helicopter": helicopters, "airplane": airplanes}[identity.label]
-        write_asset(path, builder.author(builder.draw_parameters(identity.family, rng), rng), colour_seed)
+        write_asset(path, _author(identity, rng), colour_seed)
     return path
+
+
+def _author(identity: Identity, rng: np.random.Generator) -> Asset:
+    """Draw and build an asset whose moving parts are rotors."""
+    if identity.label == "drone":
+        return multicopters.author(multicopters.draw_parameters(identity.family, rng), rng)
+    if identity.label == "helicopter":
+        return helicopters.author(helicopters.draw_parameters(identity.family, rng), rng)
+    return airplanes.author(airplanes.draw_parameters(identity.family, rng), rng)

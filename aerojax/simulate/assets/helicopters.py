@@ -1,17 +1,17 @@
 """Helicopters with one, two tandem or two coaxial rotors; lengths are fractions of the fuselage length, nose to tail.
 
-Proportions follow real machines: rotor diameter over fuselage length 1.11 (R44), 1.15 (Bo 105), 1.06 (UH-60), 0.97 (AH-64),
-1.0 (EC135); cabin width 0.13-0.2; blade chord 0.05-0.08 of the radius.
+Proportions follow real machines: rotor diameter over fuselage length 1.11 (R44), 1.15 (Bo 105), 1.06 (UH-60), 0.97
+(AH-64), 1.0 (EC135); cabin width 0.13-0.2; blade chord 0.05-0.08 of the radius.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from aerojax.simulate.assets.authoring import Asset, Part, Spin, normalised
+from aerojax.simulate.assets.helicopter_families import FAMILIES
 from aerojax.simulate.assets.lofts import Key, RotorShape, body, rotor, trapezoid
 from aerojax.simulate.assets.shapes import (
     Mesh,
@@ -71,202 +71,6 @@ class HelicopterParameters:
     tail_gearing: float
     stub_wings: float = 0.0
     sponsons: float = 0.0
-
-
-LIGHT: dict[str, Any] = {
-    "layout": "single",
-    "cabin_length": (0.34, 0.44),
-    "cabin_width": (0.14, 0.19),
-    "cabin_height": (0.17, 0.22),
-    "cabin_exponent": (2.0, 2.6),
-    "nose_height": (-0.35, 0.0),
-    "nose_fullness": (0.55, 0.75),
-    "belly_rise": (0.3, 0.6),
-    "boom_root": (0.03, 0.045),
-    "boom_tip": (0.012, 0.02),
-    "boom_height": (0.02, 0.06),
-    "boom": "tube",
-    "cowling_length": (0.14, 0.24),
-    "cowling_height": (0.04, 0.09),
-    "fin_height": (0.08, 0.14),
-    "fin_chord": (0.06, 0.1),
-    "fin_sweep": (0.3, 0.9),
-    "fin_below": (0.04, 0.1),
-    "stabiliser_span": (0.12, 0.24),
-    "stabiliser_chord": (0.04, 0.07),
-    "stabiliser_place": (0.7, 0.9),
-    "end_plates": [0.0, 0.0, 0.08],
-    "tail_rotor": "open",
-    "tail_radius": (0.065, 0.1),
-    "tail_blades": (2, 3),
-    "blades": (2, 4),
-    "rotor_ratio": (1.0, 1.15),
-    "blade_chord": (0.05, 0.075),
-    "mast_place": (0.28, 0.36),
-    "mast_height": (0.05, 0.09),
-    "coning": (0.5, 4.0),
-    "gear": "skids",
-    "gear_height": (0.06, 0.1),
-    "gear_width": (0.2, 0.27),
-    "hertz": (6.0, 9.0),
-    "tail_gearing": (4.5, 6.0),
-}
-
-HEAVY: dict[str, Any] = LIGHT | {
-    "cabin_length": (0.5, 0.62),
-    "cabin_width": (0.13, 0.17),
-    "cabin_height": (0.14, 0.19),
-    "cabin_exponent": (2.8, 4.0),
-    "nose_height": (-0.4, -0.1),
-    "nose_fullness": (0.6, 0.8),
-    "belly_rise": (0.5, 0.8),
-    "boom_root": (0.045, 0.07),
-    "boom_tip": (0.02, 0.03),
-    "cowling_length": (0.26, 0.4),
-    "cowling_height": (0.05, 0.08),
-    "fin_height": (0.13, 0.2),
-    "fin_chord": (0.08, 0.12),
-    "fin_below": 0.0,
-    "stabiliser_span": (0.22, 0.32),
-    "stabiliser_place": (0.9, 0.96),
-    "end_plates": 0.0,
-    "tail_radius": (0.09, 0.12),
-    "tail_blades": (4, 5),
-    "blades": (4, 5),
-    "mast_place": (0.3, 0.38),
-    "mast_height": (0.03, 0.06),
-    "gear": ["wheels", "wheels", "tucked"],
-    "gear_height": (0.04, 0.07),
-    "gear_width": (0.16, 0.22),
-    "hertz": (5.0, 6.5),
-}
-
-FAMILIES: dict[str, dict[str, Any]] = {
-    "light_piston": LIGHT
-    | {
-        "boom_root": (0.018, 0.03),
-        "mast_height": (0.1, 0.16),
-        "blades": [2, 2, 3],
-        "tail_blades": 2,
-        "cowling_height": (0.05, 0.1),
-        "stabiliser_span": (0.08, 0.16),
-        "stabiliser_place": (0.9, 0.97),
-        "end_plates": 0.0,
-    },
-    "light_turbine": LIGHT | {"cabin_length": (0.38, 0.5), "blades": (2, 5), "boom_root": (0.035, 0.05)},
-    "transport": HEAVY,
-    "attack": HEAVY
-    | {
-        "cabin_length": (0.5, 0.6),
-        "cabin_width": (0.075, 0.11),
-        "cabin_height": (0.13, 0.17),
-        "cabin_exponent": (2.3, 3.2),
-        "nose_height": (-0.7, -0.45),
-        "nose_fullness": (0.4, 0.55),
-        "cowling_height": (0.05, 0.09),
-        "stub_wings": (0.26, 0.36),
-        "blades": (2, 5),
-        "gear": ["wheels", "skids"],
-        "gear_width": (0.13, 0.17),
-        "rotor_ratio": (0.92, 1.06),
-    },
-    "fenestron": LIGHT
-    | {
-        "cabin_length": (0.42, 0.54),
-        "boom_root": (0.04, 0.06),
-        "boom_height": (0.04, 0.08),
-        "tail_rotor": "fenestron",
-        "tail_radius": (0.045, 0.065),
-        "tail_blades": (8, 11),
-        "fin_height": (0.13, 0.19),
-        "fin_chord": (0.09, 0.13),
-        "fin_below": (0.02, 0.06),
-        "blades": (3, 5),
-        "rotor_ratio": (0.95, 1.05),
-        "gear": ["skids", "skids", "tucked"],
-        "end_plates": [0.0, 0.09, 0.12],
-    },
-    "pod_and_boom": LIGHT
-    | {
-        "cabin_length": (0.32, 0.46),
-        "cabin_width": (0.1, 0.16),
-        "cabin_height": (0.16, 0.24),
-        "boom_root": (0.012, 0.018),
-        "boom_tip": (0.01, 0.014),
-        "boom_height": (-0.02, 0.02),
-        "boom": "rod",
-        "fin_height": (0.05, 0.09),
-        "fin_below": (0.05, 0.09),
-        "stabiliser_span": [0.0, 0.12, 0.16],
-        "mast_height": (0.08, 0.14),
-        "blades": [2, 2, 3],
-        "tail_blades": 2,
-        "hertz": (15.0, 25.0),
-        "rotor_ratio": (1.0, 1.2),
-        "tail_radius": (0.07, 0.1),
-    },
-    "coaxial": HEAVY
-    | {
-        "layout": "coaxial",
-        "cabin_length": (0.62, 0.8),
-        "cabin_width": (0.15, 0.22),
-        "cabin_height": (0.18, 0.24),
-        "boom_root": (0.05, 0.08),
-        "fin_height": (0.1, 0.18),
-        "fin_below": (0.05, 0.1),
-        "end_plates": (0.14, 0.2),
-        "stabiliser_span": (0.3, 0.42),
-        "tail_rotor": "none",
-        "blades": 3,
-        "rotor_ratio": (1.0, 1.25),
-        "mast_place": (0.36, 0.46),
-        "mast_height": (0.06, 0.1),
-    },
-    "heavy_transport": HEAVY
-    | {
-        "cabin_length": (0.62, 0.7),
-        "cabin_exponent": (3.4, 4.5),
-        "blades": (5, 7),
-        "sponsons": (0.2, 0.3),
-        "rotor_ratio": (0.95, 1.08),
-        "gear": ["tucked", "wheels"],
-        "fin_height": (0.16, 0.22),
-        "cowling_length": (0.34, 0.46),
-    },
-    "tandem": HEAVY
-    | {
-        "layout": "tandem",
-        "cabin_length": (0.94, 0.97),
-        "cabin_width": (0.15, 0.2),
-        "cabin_height": (0.15, 0.19),
-        "belly_rise": (0.1, 0.3),
-        "blades": 3,
-        "rotor_ratio": (0.98, 1.15),
-        "mast_place": (0.1, 0.15),
-        "mast_height": (0.1, 0.14),
-        "tail_rotor": "none",
-        "fin_height": (0.2, 0.26),
-        "fin_chord": (0.18, 0.26),
-        "stabiliser_span": 0.0,
-        "sponsons": (0.0, 0.6),
-        "gear": "wheels",
-        "gear_height": (0.04, 0.06),
-    },
-    "open_frame": LIGHT
-    | {
-        "cabin_length": (0.3, 0.38),
-        "cabin_width": (0.12, 0.16),
-        "cabin_height": (0.19, 0.25),
-        "boom": "truss",
-        "boom_height": (-0.01, 0.03),
-        "boom_root": (0.05, 0.065),
-        "cowling_height": (0.03, 0.06),
-        "mast_height": (0.12, 0.18),
-        "blades": [2, 2, 3],
-        "tail_blades": 2,
-        "rotor_ratio": (1.08, 1.22),
-    },
-}
 
 
 def draw_parameters(family: str, rng: np.random.Generator) -> HelicopterParameters:
@@ -347,6 +151,11 @@ def _boom_height(p: HelicopterParameters, x: float) -> float:
     return start + rise * (x + p.cabin_length) / (p.cabin_length - 1.0)
 
 
+def _between(start: Vector, end: Vector, share: float) -> Vector:
+    x, y, z = ((1 - share) * a + share * b for a, b in zip(start, end, strict=True))
+    return (x, y, z)
+
+
 def _boom(p: HelicopterParameters) -> Mesh:
     start, end = -0.72 * p.cabin_length, -0.985
     low, high = _boom_height(p, start), _boom_height(p, end)
@@ -356,9 +165,7 @@ def _boom(p: HelicopterParameters) -> Mesh:
         rails += [[(start, s * size, low - 0.7 * size), (end, 0.0, high)] for s in (-1.0, 1.0)]
         bars = [polyline_tube(rail, 0.008, sides=6) for rail in rails]
         for share in np.linspace(0.1, 0.8, 6):
-            a, b, c = (
-                tuple(float(v) for v in (1 - share) * np.asarray(r[0]) + share * np.asarray(r[1])) for r in rails
-            )
+            a, b, c = (_between(rail[0], rail[1], float(share)) for rail in rails)
             bars.append(polyline_tube([a, b, c, a], 0.005, sides=4))
         return merge(*bars)
     if p.boom == "rod":

@@ -6,6 +6,7 @@ Points are metres in the frame of the caller; every solid is watertight and woun
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -76,8 +77,8 @@ def outward(mesh: Mesh) -> Mesh:
 def loft(sections: Float[np.ndarray, "section ring 3"]) -> Mesh:
     """Skin closed rings into a solid and cap both ends.
 
-    The ring's point i faces point ring-1-i across the section (upper against lower surface), so that a cap is a strip of
-    quadrilaterals and stays inside thin, cambered outlines where a fan would not.
+    The ring's point i faces point ring-1-i across the section (upper against lower surface), so that a cap is a strip
+    of quadrilaterals and stays inside thin, cambered outlines where a fan would not.
     """
     count, ring = sections.shape[:2]
     i, j = np.arange(count - 1)[:, None] * ring, np.arange(ring)[None, :]
@@ -110,7 +111,7 @@ def tube(start: Vector, end: Vector, radius: float, end_radius: float | None = N
 
 def polyline_tube(points: list[Vector], radius: float, sides: int = 8) -> Mesh:
     """Tubes along a chain of points, overlapping at the corners."""
-    return merge(*(tube(a, b, radius, sides=sides) for a, b in zip(points[:-1], points[1:], strict=True)))
+    return merge(*(tube(a, b, radius, sides=sides) for a, b in pairwise(points)))
 
 
 def ellipsoid(centre: Vector, radii: Vector, rings: int = 9, sides: int = 14) -> Mesh:

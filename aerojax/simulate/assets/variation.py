@@ -28,8 +28,9 @@ def seed_of(*words: object) -> int:
 def draw(kind: type[_T], ranges: Mapping[str, Any], rng: np.random.Generator) -> _T:
     """Fill a dataclass of parameters from ranges.
 
-    A tuple of two numbers is a uniform range (integers inclusive), a list is a choice of equals, anything else is a fixed
-    value. Fields are drawn in the order of the class, so that a seed means the same whatever the order of `ranges`.
+    A tuple of two numbers is a uniform range (integers inclusive), a list is a choice of equals, anything else is a
+    fixed value. Fields are drawn in the order of the class, so that a seed means the same whatever the order of
+    `ranges`.
 
     Raises:
         TypeError: if `ranges` names a field that `kind` lacks or misses one without default.
