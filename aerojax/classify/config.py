@@ -107,5 +107,5 @@ PUBLISHED: dict[str, Any] = {
 
 def published_config(mode: Mode = "X", **changes: Any) -> MambaSplatConfig:
     """The released model's configuration; `changes` are fields of `MambaSplatConfig`."""
-    fields = {"variant": "published", "mode": mode, "positional_encoding": True, **PUBLISHED, **changes}
+    fields: dict[str, Any] = {"variant": "published", "mode": mode, "positional_encoding": True, **PUBLISHED, **changes}
     return MambaSplatConfig(**fields)

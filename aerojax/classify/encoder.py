@@ -118,7 +118,8 @@ class VNEncoder(nnx.Module):
         def step(x: Array, block: VNBlock) -> tuple[Array, None]:
             return block(x, mask), None
 
-        return self.norm(jax.lax.scan(step, x, self.blocks)[0])
+        # Unrolled: a rolled loop copies every saved activation into a stacked array and back.
+        return self.norm(jax.lax.scan(step, x, self.blocks, unroll=True)[0])
 
 
 def masked_mean(x: Float[Array, "token *feature"], mask: Bool[Array, "token"]) -> Float[Array, "*feature"]:

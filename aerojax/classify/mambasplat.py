@@ -25,7 +25,7 @@ from flax import nnx
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.bridges import InvariantBridge
-from aerojax.classify.config import MambaSplatConfig, published_config, uses_colour, uses_opacity
+from aerojax.classify.config import MambaSplatConfig, uses_colour, uses_opacity
 from aerojax.classify.encoder import VNEncoder, masked_mean, weight_init
 from aerojax.classify.lifting import ExactLifting, PublishedLifting, normalise_clip
 from aerojax.classify.mamba import Linear, MambaStack, MambaState, drop, sinusoids

@@ -8,6 +8,7 @@ commute. The channel axis is last because that makes each linear map one matrix 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 import jax
@@ -24,6 +25,33 @@ def draw_weight(shape: tuple[int, ...], init: Init, *, key: Key[Array, ""]) -> F
     return weight / jnp.sqrt(float(shape[-1])) if init == "fan_in" else weight
 
 
+@jax.custom_vjp
+def mix_channels(
+    x: Float[Array, "*batch inputs"], weight: Float[Array, "outputs inputs"]
+) -> Float[Array, "*batch outputs"]:
+    """x Wᵀ over the last axis, with a gradient that keeps the wider operand in memory order.
+
+    A weight gradient contracts over all tokens, so one operand has to be transposed. Automatic differentiation
+    transposes the cotangent, which is the wide one where channels are widened; here it is always the narrow one.
+    """
+    return x @ weight.T
+
+
+def _mix_channels_forward(x: Array, weight: Array) -> tuple[Array, tuple[Array, Array]]:
+    return x @ weight.T, (x, weight)
+
+
+def _mix_channels_backward(saved: tuple[Array, Array], cotangent: Array) -> tuple[Array, Array]:
+    x, weight = saved
+    outputs, inputs = weight.shape
+    rows, row_cotangents = x.reshape(-1, inputs), cotangent.reshape(-1, outputs)
+    gradient = (rows.T @ row_cotangents).T if inputs < outputs else row_cotangents.T @ rows
+    return cotangent @ weight, gradient
+
+
+mix_channels.defvjp(_mix_channels_forward, _mix_channels_backward)
+
+
 class VNLinear(nnx.Module):
     """y = W x over channels, optionally plus ε·b/‖b‖ in every slot (the published bias, which is not equivariant)."""
 
@@ -37,24 +65,50 @@ class VNLinear(nnx.Module):
 
     def __call__(self, x: Float[Array, "*batch inputs"]) -> Float[Array, "*batch outputs"]:
         """Mix channels; the same for every slot."""
-        y = x @ self.weight[...].T
+        y = mix_channels(x, self.weight[...])
         if self.bias is None:
             return y
         bias = self.bias[...]
         return y + self.bias_epsilon * bias / jnp.maximum(jnp.linalg.norm(bias), 1e-12)
 
 
+@partial(jax.custom_vjp, nondiff_argnums=(2,))
 def clip_to_half_space(
     q: Float[Array, "*batch slot channel"], k: Float[Array, "*batch slot channel"], slope: float = 0.0
 ) -> Float[Array, "*batch slot channel"]:
     """The vector-neuron rectifier: where ⟨q, k⟩ < 0, remove (1-slope) of q's component along k.
 
-    q - (1-slope)·min(⟨q,k⟩, 0)·k/‖k‖², the orthogonal projection on {x: ⟨x,k⟩ ≥ 0} for slope 0; products run over slots.
+    q - (1-slope)·min(⟨q,k⟩, 0)·k/‖k‖², for slope 0 the orthogonal projection on ⟨x,k⟩ ≥ 0; products run over slots.
+    Unit k is k/max(‖k‖, 1e-6); written in squares there is no root whose gradient could be infinite. The hand-written
+    gradient reads q and k once instead of storing every intermediate.
     """
-    inner = jnp.sum(q * k, axis=-2, keepdims=True)
-    square = jnp.sum(k * k, axis=-2, keepdims=True)
-    # Unit k is k/max(‖k‖, 1e-6); in squares there is no root whose gradient could be infinite.
-    return q - (1 - slope) * jnp.minimum(inner, 0.0) / jnp.maximum(square, 1e-12) * k
+    inner, square = _over_slots(q, k), _over_slots(k, k)
+    return q - (1 - slope) * jnp.minimum(inner, 0.0) / jnp.maximum(square, SMALLEST_SQUARE) * k
+
+
+SMALLEST_SQUARE = 1e-12
+
+
+def _over_slots(a: Array, b: Array) -> Array:
+    return jnp.einsum("...sc,...sc->...c", a, b)[..., None, :]
+
+
+def _clip_forward(q: Array, k: Array, slope: float) -> tuple[Array, tuple[Array, Array]]:
+    return clip_to_half_space(q, k, slope), (q, k)
+
+
+def _clip_backward(slope: float, saved: tuple[Array, Array], g: Array) -> tuple[Array, Array]:
+    q, k = saved
+    inner, square = _over_slots(q, k), _over_slots(k, k)
+    active = jnp.where(inner < 0, (1 - slope) / jnp.maximum(square, SMALLEST_SQUARE), 0.0)
+    # y = q - a·⟨q,k⟩·k with a = (1-slope)/‖k‖² where active; below the smallest square a is constant.
+    along = active * _over_slots(g, k)
+    removed = active * inner
+    shrink = jnp.where(square > SMALLEST_SQUARE, 2 * along * inner / jnp.maximum(square, SMALLEST_SQUARE), 0.0)
+    return g - along * k, shrink * k - along * q - removed * g
+
+
+clip_to_half_space.defvjp(_clip_forward, _clip_backward)
 
 
 class VNRectifier(nnx.Module):
@@ -67,10 +121,8 @@ class VNRectifier(nnx.Module):
         self.slope = slope
 
     def __call__(self, x: Float[Array, "*batch slot inputs"]) -> Float[Array, "*batch slot outputs"]:
-        """Rectify; both maps in one product."""
-        both = x @ jnp.concatenate([self.W[...], self.U[...]]).T
-        q, k = jnp.split(both, 2, axis=-1)
-        return clip_to_half_space(q, k, self.slope)
+        """Rectify."""
+        return clip_to_half_space(mix_channels(x, self.W[...]), mix_channels(x, self.U[...]), self.slope)
 
 
 class VNLayerNorm(nnx.Module):
