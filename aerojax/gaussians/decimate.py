@@ -14,7 +14,7 @@ from kernels.farthest_points import farthest_points
 
 @dataclass(frozen=True)
 class DecimationConfig:
-    """Sizes of the chain: `draw` with replacement, `farthest` of them by farthest points, `keep` of those at random."""
+    """Sizes of the chain: `draw` at random, `farthest` of them by farthest points, `keep` of those at random."""
 
     draw: int = 8192
     farthest: int = 1200
@@ -26,19 +26,28 @@ def decimate(
 ) -> Gaussians:
     """Random 8192 → farthest-point 1200 → random 1024 (thesis §5.6.2; sizes by `config`).
 
+    No more than `draw` Gaussians need no draw. Where there are fewer than `farthest` of them, each is taken once and
+    the rest are repeats at random, so that no single Gaussian outweighs the others.
+
     The choice depends on distances only, hence not on the world's orientation except through rounding: call it in a
     frame fixed to the rig where bit-equal choices matter.
 
     Args:
-        gaussians: any number of them; fewer than `keep` repeat.
+        gaussians: any number of them.
         key: the same key and Gaussians give the same choice.
         config: sizes.
-        count: how many of the leading Gaussians are real; all if None. At least 1.
+        count: how many of the leading Gaussians are real; the others must repeat real ones. All if None; at least 1.
     """
-    draw, last = jax.random.split(key)
-    total = gaussians.mean.shape[0] if count is None else count
-    drawn = jax.random.randint(draw, (config.draw,), 0, total)
+    draw, repeat, last = jax.random.split(key, 3)
+    total = jnp.asarray(gaussians.mean.shape[0] if count is None else count)
+    if gaussians.mean.shape[0] > config.draw:
+        drawn = jax.random.randint(draw, (config.draw,), 0, total)
+        total = jnp.asarray(config.draw)
+    else:
+        drawn = jnp.arange(gaussians.mean.shape[0])
     far = farthest_points(gaussians.mean[drawn], config.farthest)
+    spare = jax.random.randint(repeat, (config.farthest,), 0, total)
+    far = jnp.where(jnp.arange(config.farthest) < total, far, spare)
     kept = jax.random.permutation(last, config.farthest)[: config.keep]
     index = drawn[far[kept]]
     return jax.tree.map(lambda leaf: leaf[index], gaussians)

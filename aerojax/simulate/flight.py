@@ -89,7 +89,7 @@ def _wobble(seconds: np.ndarray, rng: np.random.Generator, *, amplitude: float, 
 def _forward(style: _Style, label: str, seconds: np.ndarray, rng: np.random.Generator) -> Flight:
     speed = rng.uniform(*style.speed)
     turn = rng.uniform(-style.turn, style.turn)
-    yaw = rng.uniform(0, 2 * np.pi) + turn * seconds + 0.15 * _wobble(seconds, rng, amplitude=turn)
+    yaw = rng.uniform(0, 2 * np.pi) + turn * seconds + 0.15 * _wobble(seconds, rng, amplitude=abs(turn))
     climb = np.deg2rad(rng.uniform(-style.climb, style.climb))
     velocity = speed * np.stack(
         [np.cos(climb) * np.cos(yaw), np.cos(climb) * np.sin(yaw), np.full_like(yaw, np.sin(climb))], axis=1
