@@ -130,6 +130,12 @@ def _link(name: str) -> Callable[[Path], None]:
     return _files(change)
 
 
+def _circle(folder: Path) -> None:
+    make_good(folder)
+    (folder / "cam_03/mask").rename(folder / "cam_03/elsewhere")
+    (folder / "cam_03/mask").symlink_to(folder / "cam_03/mask")
+
+
 def _transform(rotation: list[list[float]]) -> list[list[float]]:
     return [[*row, 5.0] for row in rotation] + [[0.0, 0.0, 0.0, 1.0]]
 
@@ -216,10 +222,14 @@ _FAULTS: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
         ("cameras[2].distortion.coefficients", "finite"),
     ),
     "offset_infinite": (_camera(0, time_offset_s=float("inf")), ("cameras[0].time_offset_s", "finite")),
+    "offset_beyond": (_camera(0, time_offset_s=1.0), ("cameras[0].time_offset_s", "longer than the capture")),
     "path_absolute": (_camera(0, rgb="/etc/{frame:06d}.png"), ("cameras[0].rgb", "absolute")),
     "path_drive": (_camera(0, rgb="C:{frame:06d}.png"), ("cameras[0].rgb", "absolute")),
     "path_up": (_camera(0, mask="../cam/{frame:06d}.png"), ("cameras[0].mask", "..")),
     "path_link": (_link("cam_02/rgb/000001.png"), ("cam_02/rgb/000001.png", "links out")),
+    "path_circle": (_circle, ("cam_03/mask/000000.png", "links out")),
+    "path_long": (_camera(0, rgb="a" * 300 + "{frame:06d}.png"), ("cameras[0].rgb", "longer than 240 bytes")),
+    "path_control": (_camera(0, rgb="cam\u001b[31m/{frame}.png"), ("cameras[0].rgb", "control character")),
     "pattern_attribute": (_camera(0, rgb="cam_01/rgb/{frame.__class__}.png"), ("cameras[0].rgb", "{frame}")),
     "pattern_index": (_camera(0, rgb="cam_01/rgb/{frame[0]}.png"), ("cameras[0].rgb", "{frame}")),
     "pattern_width": (_camera(0, rgb="cam_01/rgb/{frame:0999999999d}.png"), ("cameras[0].rgb", "{frame}")),

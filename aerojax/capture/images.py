@@ -103,10 +103,10 @@ def read_depth(capture: Capture, camera_index: int, frame: int) -> Float32[np.nd
 
 
 def _decode(path: Path, flags: int) -> np.ndarray:
-    data = np.fromfile(path, dtype=np.uint8)  # decoding from memory also works for paths beyond ASCII
     try:
+        data = np.fromfile(path, dtype=np.uint8)  # decoding from memory also works for paths beyond ASCII
         image = cv2.imdecode(data, flags) if data.size else None
-    except cv2.error:
+    except (cv2.error, OSError):
         image = None
     if image is None:
         raise UserError(f"{path}: the image is damaged or cut short; write or copy it again")

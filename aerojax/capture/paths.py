@@ -12,6 +12,7 @@ RGB_SUFFIXES = (".png", ".jpg", ".jpeg")
 MASK_SUFFIXES = (".png",)
 DEPTH_SUFFIXES = (".tiff", ".tif")
 
+_LONGEST_PATH = 240  # bytes; what every file system takes as one name
 _PATTERN = re.compile(r"(?P<head>[^{}]*)\{frame(?::0(?P<digits>[1-9]|1[0-9])d)?\}(?P<tail>[^{}]*)")
 
 
@@ -48,6 +49,8 @@ def relative_path_problem(path: str) -> str | None:
         return "leaves the capture's folder with '..'"
     if "\\" in path or not path.isprintable() or not path.strip():
         return "is empty or contains a backslash or a control character"
+    if len(path.encode()) > _LONGEST_PATH:
+        return f"is longer than {_LONGEST_PATH} bytes"
     return None
 
 
@@ -60,8 +63,11 @@ def frame_path(pattern: str, frame: int) -> str:
 
 
 def is_inside(folder: Path, path: Path) -> bool:
-    """Whether `path` lies in `folder` after all symbolic links are followed."""
-    return path.resolve().is_relative_to(folder.resolve())
+    """Whether `path` lies in `folder` after all symbolic links are followed; links in a circle lie nowhere."""
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):
+        return False
 
 
 def locate(folder: Path, pattern: str, frame: int) -> Path:

@@ -49,11 +49,12 @@ def examine(folder: Path) -> Examination:
     if raw is None or not _is_known_format(raw, findings):
         return Examination(None, None, tuple(findings.problems))
     findings.mapping(raw, "", ("format", "version", "fps", "frames", "cameras"), ("truth",))
-    frames = _check_clock(raw, findings)
+    fps, frames = _check_clock(raw, findings)
     cameras = [_check_camera(c, f"cameras[{i}]", findings) for i, c in enumerate(_cameras(raw, findings))]
     _check_network(cameras, findings)
     for index, camera in enumerate(raw["cameras"] if isinstance(raw.get("cameras"), list) else ()):
         if isinstance(camera, dict):
+            _check_offset(camera, f"cameras[{index}].time_offset_s", fps, frames, findings)
             check_frame_files(folder, camera, f"cameras[{index}]", frames, findings)
     truth, more = _examine_truth(folder, raw, frames, findings)
     return Examination(raw, truth, (*findings.problems, *more))
@@ -80,6 +81,9 @@ def _load_json(folder: Path, name: str, findings: Findings) -> dict[str, Any] | 
 
     try:
         raw = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=keep_last)
+    except OSError as error:
+        findings.add("", f"cannot be read: {error.strerror}", "check the permissions", file=name)
+        return None
     except (ValueError, RecursionError) as error:  # decoding errors and integers of absurd length are ValueErrors
         findings.add("", f"is not valid JSON: {str(error)[:160] or 'nested too deeply'}", "repair the file", file=name)
         return None
@@ -103,11 +107,21 @@ def _is_known_format(raw: dict[str, Any], findings: Findings) -> bool:
     return True
 
 
-def _check_clock(raw: dict[str, Any], findings: Findings) -> int | None:
+def _check_clock(raw: dict[str, Any], findings: Findings) -> tuple[float | None, int | None]:
     fps = findings.number(raw["fps"], "fps") if "fps" in raw else None
     if fps is not None and fps <= 0:
         findings.add("fps", f"must be positive, is {fps:g}", "write the frames per second of the capture")
-    return findings.whole(raw["frames"], "frames", 1, MOST_FRAMES) if "frames" in raw else None
+    frames = findings.whole(raw["frames"], "frames", 1, MOST_FRAMES) if "frames" in raw else None
+    return fps, frames
+
+
+def _check_offset(
+    camera: dict[str, Any], field: str, fps: float | None, frames: int | None, findings: Findings
+) -> None:
+    offset = findings.number(camera["time_offset_s"], field) if "time_offset_s" in camera else None
+    if offset is not None and fps is not None and frames is not None and abs(offset) * fps >= frames:
+        message = f"{offset:g} s is longer than the capture, so that the camera shares no moment with it"
+        findings.add(field, message, "correct the offset (seconds) or drop the camera")
 
 
 @dataclass(frozen=True)
@@ -126,8 +140,6 @@ def _check_camera(camera: Any, field: str, findings: Findings) -> _Placed:
     for side in ("width", "height"):
         if side in camera:
             findings.whole(camera[side], f"{field}.{side}", 1, LARGEST_SIDE)
-    if "time_offset_s" in camera:
-        findings.number(camera["time_offset_s"], f"{field}.time_offset_s")
     K = findings.matrix(camera["K"], f"{field}.K", 3) if "K" in camera else None
     if K is not None:
         _check_intrinsics(K, f"{field}.K", findings)

@@ -66,10 +66,10 @@ def _check_images(
     found: Findings,
 ) -> None:
     complaints: dict[str, list[str]] = {}
-    parents: dict[Path, bool] = {}
+    listings: dict[str, frozenset[str] | None] = {}
     for frame in frames:
         relative = frame_path(pattern, frame)
-        message = _image_problem(folder, folder / relative, camera, complaint, parents)
+        message = _image_problem(folder, relative, camera, complaint, listings)
         if message:
             complaints.setdefault(message, []).append(relative)
     for message, files in complaints.items():
@@ -79,14 +79,21 @@ def _check_images(
 
 def _image_problem(
     folder: Path,
-    path: Path,
+    relative: str,
     camera: dict[str, Any],
     complaint: Callable[[ImageHeader], str | None],
-    parents: dict[Path, bool],
+    listings: dict[str, frozenset[str] | None],
 ) -> str | None:
-    if path.parent not in parents:  # one look at the disk a folder: following links is the slow part
-        parents[path.parent] = is_inside(folder, path.parent)
-    if not parents[path.parent] or (path.is_symlink() and not is_inside(folder, path)):
+    parent, _, name = relative.rpartition("/")
+    if parent not in listings:  # one look at the disk a folder: following links and asking file by file is slow
+        listings[parent] = _listing(folder, folder / parent)
+    names = listings[parent]
+    if names is None:
+        return "links out of the capture's folder"
+    if name not in names:
+        return "the file is missing"
+    path = folder / relative
+    if path.is_symlink() and not is_inside(folder, path):
         return "links out of the capture's folder"
     if not path.is_file():
         return "the file is missing"
@@ -95,6 +102,13 @@ def _image_problem(
     except BrokenImage as error:
         return str(error)
     return complaint(header) or _size_problem(header.width, header.height, camera)
+
+
+def _listing(folder: Path, parent: Path) -> frozenset[str] | None:
+    """Names in a folder of the capture, empty where there is no such folder; None where it lies outside."""
+    if not is_inside(folder, parent):
+        return None
+    return frozenset(entry.name for entry in parent.iterdir()) if parent.is_dir() else frozenset()
 
 
 def _size_problem(width: int, height: int, camera: dict[str, Any]) -> str | None:
@@ -116,6 +130,9 @@ def _check_video(
         return
     try:
         video = open_video(path)
+    except OSError as error:
+        found.add(field, f"cannot be read: {error.strerror}", "check the permissions", file=name)
+        return
     except UserError as error:
         message, _, remedy = str(error).removeprefix(f"{path.resolve()}: ").partition("; ")
         found.add(field, message, remedy, file=name)

@@ -89,13 +89,16 @@ def _check_boxes(state: dict[str, Any], where: str, cameras: list[str], found: F
     if not isinstance(boxes, dict) or not isinstance(visible, dict):
         return
     for camera, box in boxes.items():
-        corners = found.numbers(box, f"{where}.bbox.{camera}", 4)
+        corner_field = f"{where}.bbox.{shown(camera)[1:-1]}"
+        corners = found.numbers(box, corner_field, 4)
         if corners is not None and (corners[0] >= corners[2] or corners[1] >= corners[3]):
-            found.add(
-                f"{where}.bbox.{camera}", f"{shown(corners)} is empty", "write x0, y0, x1, y1 with exclusive ends"
-            )
+            found.add(corner_field, f"{shown(corners)} is empty", "write x0, y0, x1, y1 with exclusive ends")
     for camera, flag in visible.items():
         if not isinstance(flag, bool):
-            found.add(f"{where}.visible.{camera}", f"must be true or false, is {shown(flag)}", "correct the value")
+            found.add(
+                f"{where}.visible.{shown(camera)[1:-1]}",
+                f"must be true or false, is {shown(flag)}",
+                "correct the value",
+            )
         elif flag and "bbox" in state and camera in cameras and camera not in boxes:
             found.add(f"{where}.bbox", f"visible in {shown(camera)} but without a box there", "add the box")

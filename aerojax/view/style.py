@@ -46,7 +46,7 @@ font-size:15px;cursor:pointer;flex:none}
 .clouds{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(46%,190px),1fr));gap:12px}
 .picture{position:relative;aspect-ratio:1;border-radius:9px;overflow:hidden;background:var(--stage)}
 .picture img,.picture .over{position:absolute;inset:0;width:100%;height:100%;object-fit:contain}
-.picture .place{position:absolute;right:6px;top:6px;width:26%;background:#0006;border-radius:2px;overflow:hidden}
+.picture .place{position:absolute;right:5px;top:5px;width:20%;background:#0006;border-radius:2px;overflow:hidden}
 .place rect{fill:#fff}
 .outline{fill:none;stroke:var(--outline);stroke-width:1.6;stroke-linejoin:round;vector-effect:non-scaling-stroke;
 filter:drop-shadow(0 0 1px #000a)}

@@ -42,10 +42,10 @@ class _Axes:
         points = [self.place(x, y) for x, y in zip(xs, ys, strict=True) if math.isfinite(x) and math.isfinite(y)]
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
 
-    def grid(self, x_label: str, y_label: str, y_ticks: Sequence[float] | None = None) -> str:
+    def grid(self, x_label: str, y_label: str, y_ticks: Sequence[float] | None = None, whole_x: bool = False) -> str:
         parts = []
         bottom, left = HEIGHT - _BOTTOM, _LEFT
-        for tick in nice_ticks(*self.x):
+        for tick in (tick for tick in nice_ticks(*self.x) if not whole_x or tick == round(tick)):
             x, _ = self.place(tick, self.y[0])
             parts.append(f'<line class="grid" x1="{x:.1f}" y1="{_TOP}" x2="{x:.1f}" y2="{bottom}"/>')
             parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{tick:g}</text>')
@@ -87,7 +87,9 @@ def curves(name: str, frames: Sequence[int], series: Mapping[str, Sequence[float
         lines.append(f'<polyline class="curve s{index}" points="{axes.path(times, values)}"/>')
     mark = f'<line class="now" x1="0" y1="{_TOP}" x2="0" y2="{HEIGHT - _BOTTOM}"/>'
     cursor = _cursor(" ".join(f"{axes.place(time, 0.0)[0]:.1f},0" for time in times), mark)
-    return _drawing(name, axes.grid("frame", y_label, [0.0, 0.25, 0.5, 0.75, 1.0]) + "".join(lines) + cursor)
+    return _drawing(
+        name, axes.grid("frame", y_label, [0.0, 0.25, 0.5, 0.75, 1.0], whole_x=True) + "".join(lines) + cursor
+    )
 
 
 def height_curve(frames: Sequence[int], height: Sequence[float]) -> str:
@@ -96,7 +98,7 @@ def height_curve(frames: Sequence[int], height: Sequence[float]) -> str:
     axes = _Axes(_time_span(times), _span(np.array(height), least=1.0))
     line = f'<polyline class="curve track" points="{axes.path(times, height)}"/>'
     cursor = _cursor(_all_places(axes, times, height), '<circle class="now" r="5"/>')
-    return _drawing("height over the frames", axes.grid("frame", "height z, m") + line + cursor)
+    return _drawing("height over the frames", axes.grid("frame", "height z, m", whole_x=True) + line + cursor)
 
 
 def top_view(positions: Float[np.ndarray, "frame 3"]) -> str:

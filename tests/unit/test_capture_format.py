@@ -32,11 +32,11 @@ def test_round_trip(tmp_path):
 
 def test_optional_parts_may_be_absent(tmp_path):
     made = make_good(tmp_path)
-    bare = [dataclasses.replace(camera, mask=None, depth=None, time_offset_s=0.5) for camera in made.cameras]
+    bare = [dataclasses.replace(camera, mask=None, depth=None, time_offset_s=0.01) for camera in made.cameras]
     write_capture_json(dataclasses.replace(made, cameras=tuple(bare), truth=None), overwrite=True)
     read = read_capture(tmp_path)
     assert read.truth is None
-    assert [(c.mask, c.depth, c.time_offset_s) for c in read.cameras] == [(None, None, 0.5)] * 3
+    assert [(c.mask, c.depth, c.time_offset_s) for c in read.cameras] == [(None, None, 0.01)] * 3
 
 
 def test_existing_capture_is_kept(tmp_path):
