@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Iterator
 from pathlib import Path, PureWindowsPath
 
 from aerojax.errors import UserError
@@ -56,10 +57,18 @@ def relative_path_problem(path: str) -> str | None:
 
 def frame_path(pattern: str, frame: int) -> str:
     """The relative path of one frame; a path without placeholder (a video) is returned as it is."""
+    return next(frame_paths(pattern, (frame,)))
+
+
+def frame_paths(pattern: str, frames: Iterable[int]) -> Iterator[str]:
+    """`frame_path` of many frames; the pattern is parsed once."""
     match = _PATTERN.fullmatch(pattern)
     if match is None:
-        return pattern
-    return f"{match['head']}{frame:0{int(match['digits'] or 1)}d}{match['tail']}"
+        yield from (pattern for _ in frames)
+        return
+    head, digits, tail = match["head"], int(match["digits"] or 1), match["tail"]
+    for frame in frames:
+        yield f"{head}{frame:0{digits}d}{tail}"
 
 
 def is_inside(folder: Path, path: Path) -> bool:

@@ -12,7 +12,7 @@ from aerojax.capture.paths import (
     DEPTH_SUFFIXES,
     MASK_SUFFIXES,
     RGB_SUFFIXES,
-    frame_path,
+    frame_paths,
     is_inside,
     is_video,
     pattern_problem,
@@ -67,8 +67,7 @@ def _check_images(
 ) -> None:
     complaints: dict[str, list[str]] = {}
     listings: dict[str, frozenset[str] | None] = {}
-    for frame in frames:
-        relative = frame_path(pattern, frame)
+    for relative in frame_paths(pattern, frames):
         message = _image_problem(folder, relative, camera, complaint, listings)
         if message:
             complaints.setdefault(message, []).append(relative)
