@@ -1,28 +1,51 @@
-"""Rigid motion of Gaussians: means and axes turn together."""
+"""Gaussians in another frame: covariance, rotation, rigid motion and uniform scaling."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from aerojax.gaussians.spherical_harmonics import rotate_sh
 from aerojax.geometry.cameras import transform_points
-from aerojax.geometry.rotations import canonical_sign, quaternion_from_rotation, quaternion_multiply
+from aerojax.geometry.covariances import covariance_from_axes
+from aerojax.geometry.rotations import canonical_sign, normalise, quaternion_from_rotation, quaternion_multiply
 from aerojax.types import Gaussians
 
 
-def transform(gaussians: Gaussians, dst_from_src: Float[Array, "4 4"]) -> Gaussians:
-    """Express Gaussians of one frame (degree-0 colour) in another.
+def covariance(gaussians: Gaussians) -> Float[Array, "*batch gaussian 3 3"]:
+    """Σ = R diag(s²) Rᵀ of every Gaussian (Kerbl et al. 2023, Eq. 6), square metres, in the Gaussians' frame."""
+    return covariance_from_axes(gaussians.quaternion, gaussians.scale)
+
+
+def rotate(gaussians: Gaussians, rotation: Float[Array, "3 3"]) -> Gaussians:
+    """Rotate about the frame's origin: means, axes and the view-dependent colour together.
 
     Args:
-        gaussians: in the source frame.
-        dst_from_src: rigid transform, metres.
+        gaussians: any batch.
+        rotation: proper rotation `dst_from_src`; not checked.
+
+    Returns:
+        Gaussians whose quaternions are unit with w ≥ 0.
     """
-    turn = quaternion_from_rotation(dst_from_src[:3, :3])
-    quaternion = quaternion_multiply(jnp.broadcast_to(turn, gaussians.quaternion.shape), gaussians.quaternion)
-    return Gaussians(
-        mean=transform_points(dst_from_src, gaussians.mean),
-        quaternion=canonical_sign(quaternion),
-        scale=gaussians.scale,
-        opacity=gaussians.opacity,
-        sh=gaussians.sh,
+    turn = jnp.broadcast_to(quaternion_from_rotation(rotation), gaussians.quaternion.shape)
+    return dataclasses.replace(
+        gaussians,
+        mean=gaussians.mean @ rotation.T,
+        quaternion=canonical_sign(quaternion_multiply(turn, normalise(gaussians.quaternion))),
+        sh=rotate_sh(gaussians.sh, rotation),
     )
+
+
+def transform(gaussians: Gaussians, dst_from_src: Float[Array, "4 4"], *, scale: float | Array = 1.0) -> Gaussians:
+    """Express Gaussians of one frame in another: x_dst = R (scale · x_src) + t.
+
+    Args:
+        gaussians: any batch, source frame.
+        dst_from_src: rigid transform [R t; 0 1], metres.
+        scale: uniform factor applied first, positive.
+    """
+    turned = rotate(gaussians, dst_from_src[:3, :3])
+    mean = transform_points(dst_from_src, gaussians.mean * scale)
+    return dataclasses.replace(turned, mean=mean, scale=gaussians.scale * scale)
