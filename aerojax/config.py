@@ -16,7 +16,7 @@ _T = TypeVar("_T")
 
 def _strict(kind: type, accepted: tuple[type, ...]) -> Any:
     def structure(value: Any, _: Any) -> Any:
-        if isinstance(value, bool) and kind is not bool or not isinstance(value, accepted):
+        if (isinstance(value, bool) and kind is not bool) or not isinstance(value, accepted):
             raise TypeError(f"expected {kind.__name__}, got {value!r}")
         return kind(value)
 

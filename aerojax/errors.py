@@ -2,4 +2,7 @@
 
 
 class UserError(ValueError):
-    """Bad input or configuration; its message names the field, the file and the remedy, and is shown without a traceback."""
+    """Bad input or configuration.
+
+    The message names the field, the file and the remedy, and is shown without a traceback.
+    """

@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.capture.format import Capture
 from aerojax.capture.images import read_mask, read_rgb
+from aerojax.classify.mambasplat import MambaSplat
 from aerojax.errors import UserError
 from aerojax.gaussians.decimate import DecimationConfig, decimate
 from aerojax.gaussians.rotate import transform
@@ -132,7 +133,9 @@ def reconstruct_capture(
         else:
             tokens, count = _reconstruct(seen, config, jax.random.fold_in(key, frame), watch)
             if count == 0:
-                dropped[frame] = "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
+                dropped[frame] = (
+                    "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
+                )
             else:
                 world_from_crop = capture.cameras[0].world_from_cam @ seen.rig_from_crop
                 placed = transform(tokens, jnp.asarray(world_from_crop, jnp.float32))
@@ -221,12 +224,13 @@ def _crop(
         centre = np.asarray(intersect_rays(jnp.asarray(poses[:, :3, 3]), jnp.asarray(crops.ray), weights))
     local = np.array(crops.camera.world_from_cam)
     local[:, :3, 3] -= centre
+    homographies = np.asarray(crops.crop_from_image)
     rgb = np.zeros((len(images), size, size, 3), np.float32)
     mask = np.zeros((len(images), size, size), np.float32)
     for index, pair in enumerate(images):
         if pair is not None:
-            rgb[index] = crop_image(pair[0], crops.crop_from_image[index], size=size)
-            mask[index] = crop_image(pair[1], crops.crop_from_image[index], size=size)
+            rgb[index] = crop_image(pair[0], homographies[index], size=size)
+            mask[index] = crop_image(pair[1], homographies[index], size=size)
     camera = Camera(jnp.asarray(crops.camera.K, jnp.float32), jnp.asarray(local, jnp.float32), size, size)
     rig_from_crop = np.eye(4)
     rig_from_crop[:3, 3] = centre
@@ -256,3 +260,20 @@ def _decimate(gaussians: Gaussians, count: Array, key: Array, config: Decimation
     return decimate(gaussians, count=count, key=key, config=config)
 
 
+@partial(jax.jit, static_argnames="tokens")
+def probabilities_so_far(
+    model: MambaSplat, columns: Float[Array, "time token 14"], *, tokens: int
+) -> Float[Array, "time label"]:
+    """Class probabilities after each frame of a clip; the last row is the answer.
+
+    Frames are described once and every prefix is read out; only the clip's scale is known from all frames at once.
+
+    Args:
+        model: an exact-variant classifier.
+        columns: attributes of decimated Gaussians, metres, world frame.
+        tokens: how many of each frame's Gaussians are read; they are in random order.
+    """
+    features, valid = model.frame_features(columns[:, :tokens], jnp.ones((columns.shape[0], tokens), bool))
+    time = jnp.arange(columns.shape[0])
+    prefixes = valid & (time[None, :] <= time[:, None])
+    return jax.nn.softmax(jax.vmap(lambda mask: model.head(model.embed(features, mask)))(prefixes))

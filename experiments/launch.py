@@ -1,10 +1,10 @@
 """How an experiment starts: Hydra composes, a frozen dataclass receives, a run directory remembers.
 
-    @experiment(Config)
-    def main(config: Config, run: Run) -> None: ...
+@experiment(Config)
+def main(config: Config, run: Run) -> None: ...
 
-    if __name__ == "__main__":
-        main()
+if __name__ == "__main__":
+    main()
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -72,7 +73,11 @@ def _task(config: Config, train: ClipSet, val: ClipSet, report: Any) -> Fit:
     def validate(model: MambaSplat) -> dict[str, float]:
         figures = label_figures(predict(model, val, config.variation.tokens), val.label)
         # Accuracy of a few dozen clips is coarse; the likelihood breaks its ties.
-        return {"accuracy": figures["accuracy"], "nll": figures["nll"], "score": figures["accuracy"] - 0.1 * figures["nll"]}
+        return {
+            "accuracy": figures["accuracy"],
+            "nll": figures["nll"],
+            "score": figures["accuracy"] - 0.1 * figures["nll"],
+        }
 
     return Fit(loss, batches, len(train.label) // config.training.batch, validate, report)
 
@@ -93,15 +98,28 @@ def main(config: Config, run: Run) -> None:
             bar.update(epochs, completed=row["epoch"])
             console.print("  ".join(f"{name} {value:.4g}" for name, value in row.items()))
 
-        model = fit(model, _task(config, train, val, report), config.training, seed=config.seed, directory=run.directory)
+        model = fit(
+            model, _task(config, train, val, report), config.training, seed=config.seed, directory=run.directory
+        )
     figures = label_figures(predict(model, test, config.variation.tokens), test.label)
     minutes = (time.perf_counter() - start) / 60
-    console.print(f"test on {len(set(test.identity))} unseen identities: accuracy {figures['accuracy']:.3f}; {minutes:.1f} min")
-    results = {"test": figures, "classes": CLASSES, "minutes": minutes, "clips": str(folder), **provenance(run.overrides)}
+    console.print(
+        f"test on {len(set(test.identity))} unseen identities: accuracy {figures['accuracy']:.3f}; {minutes:.1f} min"
+    )
+    results = {
+        "test": figures,
+        "classes": CLASSES,
+        "minutes": minutes,
+        "clips": str(folder),
+        **provenance(run.overrides),
+    }
     write_json(run.directory / "metrics.json", results)
     settings = {"tokens": config.variation.tokens, "frames": config.variation.frames}
     notes = {"pipeline": to_mapping(config.clips.pipeline), "reading": settings, "training": asdict(config.training)}
-    save_weights(run.directory / "weights.safetensors", model, metadata={**notes, "test": figures, **provenance(run.overrides)})
+    header = {
+        name: json.dumps(value) for name, value in {**notes, "test": figures, **provenance(run.overrides)}.items()
+    }
+    save_weights(run.directory / "weights.safetensors", model, metadata=header)
 
 
 if __name__ == "__main__":

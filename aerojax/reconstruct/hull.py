@@ -88,7 +88,11 @@ def _project(points: Float[Array, "point 3"], camera: Camera) -> tuple[Float[Arr
 
 
 def _hull_field(
-    distance: Float[Array, "view size size"], cameras: Camera, valid: Bool[Array, "view"], cell: Float[Array, ""], grid: int
+    distance: Float[Array, "view size size"],
+    cameras: Camera,
+    valid: Bool[Array, "view"],
+    cell: Float[Array, ""],
+    grid: int,
 ) -> Float[Array, "grid grid grid"]:
     """Approximate signed distance to the hull, metres, positive inside: the least over views of the silhouettes'.
 
@@ -112,7 +116,10 @@ def _hull_field(
 
 
 def _least_distance(
-    points: Float[Array, "point 3"], distance: Float[Array, "view size size"], cameras: Camera, valid: Bool[Array, "view"]
+    points: Float[Array, "point 3"],
+    distance: Float[Array, "view size size"],
+    cameras: Camera,
+    valid: Bool[Array, "view"],
 ) -> Float[Array, "point"]:
     def body(least: Array, view: tuple[Array, Camera, Array]) -> tuple[Array, None]:
         image, camera, use = view

@@ -9,7 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-def bilinear(image: Float[Array, "height width *channel"], pixels: Float[Array, "point 2"]) -> Float[Array, "point *channel"]:
+def bilinear(
+    image: Float[Array, "height width *channel"], pixels: Float[Array, "point 2"]
+) -> Float[Array, "point *channel"]:
     """Sample an image at continuous pixels (centres at +0.5); beyond the border the nearest pixel's value."""
     height, width = image.shape[:2]
     x = jnp.clip(pixels[:, 0] - 0.5, 0.0, width - 1.0)
@@ -48,5 +50,7 @@ def _lower_envelope(squares: Array, axis: int, reach: int) -> Array:
     pad = [(0, 0), (0, 0)]
     pad[axis] = (reach, reach)
     padded = jnp.pad(squares, pad, constant_values=float(reach * reach))
-    shifts = (jax.lax.slice_in_dim(padded, k, k + size, axis=axis) + float((k - reach) ** 2) for k in range(2 * reach + 1))
+    shifts = (
+        jax.lax.slice_in_dim(padded, k, k + size, axis=axis) + float((k - reach) ** 2) for k in range(2 * reach + 1)
+    )
     return reduce(jnp.minimum, shifts)

@@ -8,7 +8,7 @@ from jaxtyping import Float, Integer
 
 
 def background(frames: list[Float[np.ndarray, "height width 3"]]) -> Float[np.ndarray, "height width 3"]:
-    """Per-pixel median of frames spread over the capture; right where the object covers a pixel less than half the time."""
+    """Per-pixel median of a camera's frames; right where the object covers a pixel less than half the time."""
     return np.median(np.stack(frames), axis=0).astype(np.float32)
 
 

@@ -24,7 +24,9 @@ def choose_object(masks: Iterable[Integer[np.ndarray, "height width"]], object_i
     totals[0] = 0
     if object_id is None:
         if not totals.any():
-            raise UserError("object: every mask of the capture is empty; check the masks, or leave them out of the capture")
+            raise UserError(
+                "object: every mask of the capture is empty; check the masks, or leave them out of the capture"
+            )
         return int(np.argmax(totals))
     if object_id >= len(totals) or totals[object_id] == 0:
         present = ", ".join(str(i) for i in np.flatnonzero(totals)) or "none"

@@ -83,7 +83,9 @@ def simulate_sequence(identity: Identity, config: SequenceConfig, *, seed: int, 
     mesh = load_animated_mesh(asset)
     phase = rng.uniform(0.0, 10.0)  # where in its cycle the animation starts, seconds
     states = _render_frames(mesh, body_poses(scene), cameras, config, lighting, domes, phase, folder)
-    truth = Truth((TrackedObject(1, identity.label, identity.name, tuple(states), source="aerojax", licence="Apache-2.0"),))
+    truth = Truth(
+        (TrackedObject(1, identity.label, identity.name, tuple(states), source="aerojax", licence="Apache-2.0"),)
+    )
     capture = Capture(folder, config.fps, config.frames, cameras, truth)
     write_capture_json(capture)
     return capture

@@ -67,7 +67,7 @@ def render_object(
     """Render the posed mesh of `caster` as a camera sees it.
 
     Args:
-        caster: posed at `vertices_world` - `origin`; the subtraction keeps float32 rays precise far from the world's zero.
+        caster: posed at `vertices_world` - `origin`, so that float32 rays stay precise far from the world's zero.
         vertices_world: metres; they bound where rays are cast.
         origin: near the object, metres, world.
         camera: pinhole.

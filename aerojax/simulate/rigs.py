@@ -1,4 +1,4 @@
-"""Camera rigs: the sphere of Sim-1, the circle of Sim-2 and the line of Sim-3 (thesis §5.3, §6.3). Host-side, float64."""
+"""Camera rigs: sphere (Sim-1), circle (Sim-2) and line (Sim-3) of thesis §5.3 and §6.3. Host-side, float64."""
 
 from __future__ import annotations
 
@@ -66,9 +66,7 @@ def _directions(config: RigConfig, rng: np.random.Generator) -> Float[np.ndarray
     return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=1)
 
 
-def draw_rig(
-    config: RigConfig, target: Float[np.ndarray, "3"], rng: np.random.Generator
-) -> tuple[CaptureCamera, ...]:
+def draw_rig(config: RigConfig, target: Float[np.ndarray, "3"], rng: np.random.Generator) -> tuple[CaptureCamera, ...]:
     """Cameras that look at `target` (metres, world) with one common focal length.
 
     The focal length follows from the drawn span and distance: f = span · distance, so that apparent size is

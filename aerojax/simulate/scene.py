@@ -16,7 +16,13 @@ _USD_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])  # USD cameras look along -z 
 
 
 def author_scene(
-    path: Path, asset: Path, flight: Flight, cameras: tuple[CaptureCamera, ...], *, fps: float, origin: Float[np.ndarray, "3"]
+    path: Path,
+    asset: Path,
+    flight: Flight,
+    cameras: tuple[CaptureCamera, ...],
+    *,
+    fps: float,
+    origin: Float[np.ndarray, "3"],
 ) -> None:
     """Write the stage of one sequence.
 

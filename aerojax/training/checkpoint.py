@@ -46,7 +46,9 @@ def restore_state(folder: Path, step: int, like: _State) -> _State:
     wanted, structure = jax.tree.flatten(like)
     found = [np.asarray(stored[name]) for name in sorted(stored)]
     if [np.shape(w) for w in wanted] != [f.shape for f in found]:
-        raise UserError(f"{path} belongs to another model or optimiser; use a new run directory or the old configuration")
+        raise UserError(
+            f"{path} belongs to another model or optimiser; use a new run directory or the old configuration"
+        )
     return jax.tree.unflatten(structure, [f.astype(np.asarray(w).dtype) for f, w in zip(found, wanted, strict=True)])
 
 

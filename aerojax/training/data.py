@@ -82,7 +82,11 @@ def epoch_order(count: int, batch: int, *, seed: int, epoch: int) -> Iterator[In
 
 
 def vary_clip(
-    columns: Float[Array, "time token 14"], present: Bool[Array, "time"], config: VariationConfig, *, key: Key[Array, ""]
+    columns: Float[Array, "time token 14"],
+    present: Bool[Array, "time"],
+    config: VariationConfig,
+    *,
+    key: Key[Array, ""],
 ) -> tuple[Float[Array, "frames tokens 14"], Bool[Array, "frames tokens"]]:
     """A random window and token subset of a clip, jittered and recoloured.
 

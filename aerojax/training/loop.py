@@ -106,7 +106,7 @@ def _trim(history: Path, epochs: int) -> None:
 
 
 def smoothed_cross_entropy(logits: jax.Array, labels: jax.Array, smoothing: float) -> jax.Array:
-    """Cross entropy with `smoothing` of the mass shared by the wrong classes (1-ε on the true one; ε/(K-1) elsewhere)."""
+    """Cross entropy with 1-ε of the mass on the true class and ε/(K-1) on each other one (ε = `smoothing`)."""
     classes = logits.shape[-1]
     target = jax.nn.one_hot(labels, classes)
     target = target * (1 - smoothing) + (1 - target) * smoothing / (classes - 1)
