@@ -59,7 +59,7 @@ def render(
 
     Args:
         gaussians: world frame.
-        camera: OpenCV cameras; skew is ignored.
+        camera: OpenCV cameras; skew is ignored. One with a non-finite entry sees only the background.
         background: RGB behind everything.
         antialias: scale opacity by the area that the 0.3-pixel low-pass adds (Yu et al. 2024), so that thin Gaussians
             keep their energy; train and render with the same setting.
@@ -81,6 +81,10 @@ def render(
         columns = jax.lax.stop_gradient(jnp.concatenate(attributes, axis=-1))
         finite = jnp.all(jnp.isfinite(columns) & (jnp.abs(columns) <= LARGEST), axis=-1)
         mean, quaternion, scale, opacity, sh = zero_rows((mean, quaternion, scale, opacity, sh), finite)
+        # A lost camera sees nothing: opacity 0 and a stand-in, for arithmetic on NaN would poison gradients.
+        known = jnp.all(jnp.isfinite(K)) & jnp.all(jnp.isfinite(world_from_cam))
+        K, world_from_cam = (jnp.where(known, x, jnp.eye(len(x), dtype=x.dtype)) for x in (K, world_from_cam))
+        opacity = jnp.where(known, opacity, 0)
         colour = colour_in_direction(sh, normalise(mean - world_from_cam[:3, 3]))
         camera_from_world = invert_rigid(world_from_cam)
         images = draw(mean, quaternion, scale, opacity, colour, K, camera_from_world, background, shape=shape)
