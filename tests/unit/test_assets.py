@@ -11,11 +11,11 @@ import trimesh
 from pxr import Usd, UsdGeom, UsdValidation
 
 from aerojax.errors import UserError
-from aerojax.simulate.assets import birds, catalogue, helicopters, multicopters, variation
+from aerojax.simulate.assets import airplanes, birds, catalogue, helicopters, multicopters, variation
 from aerojax.simulate.usd_scene import AnimatedMesh, load_animated_mesh
 from aerojax.types import CLASSES
 
-ALL = [i for split, n in (("train", 8), ("val", 2), ("test", 3)) for i in catalogue.identities(split, n)]
+ALL = [i for split, n in (("train", 9), ("val", 2), ("test", 3)) for i in catalogue.identities(split, n)]
 ONE_EACH = list({(i.label, i.family): i for i in ALL}.values())
 NAMES = [i.name for i in ONE_EACH]
 each = pytest.mark.parametrize("identity", ONE_EACH, ids=NAMES)
@@ -207,11 +207,16 @@ def test_identities_are_balanced_interleaved_and_extendable():
         )
     assert [i.label for i in few[:4]] == list(CLASSES)
     drones = [i.family for i in many if i.label == "drone"]
-    assert len(set(drones[:8])) == 8 and drones[:8] == drones[8:16]
+    assert len(set(drones[:9])) == 9 and drones[:9] == drones[9:18]
 
 
 def test_every_family_is_in_a_split():
-    for label, module in (("bird", birds), ("drone", multicopters), ("helicopter", helicopters)):
+    for label, module in (
+        ("bird", birds),
+        ("drone", multicopters),
+        ("helicopter", helicopters),
+        ("airplane", airplanes),
+    ):
         assert {f for names in catalogue.FAMILIES[label].values() for f in names} == set(module.FAMILIES)
 
 

@@ -126,10 +126,12 @@ def write_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh, srgb: Float[np.ndar
     prim.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(corner_normals(mesh).astype(np.float32)))
     prim.SetNormalsInterpolation(UsdGeom.Tokens.faceVarying)
     prim.CreateExtentAttr(Vt.Vec3fArray.FromNumpy(np.stack([points.min(0), points.max(0)])))
-    colour = linear_from_srgb(srgb).astype(np.float32)
-    uniform = bool((colour != colour[0]).any())
+    colours, which = np.unique(linear_from_srgb(srgb).astype(np.float32), axis=0, return_inverse=True)
+    uniform = len(colours) > 1
     variable = prim.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform if uniform else UsdGeom.Tokens.constant)
-    variable.Set(Vt.Vec3fArray.FromNumpy(colour if uniform else colour[:1]))
+    variable.Set(Vt.Vec3fArray.FromNumpy(colours))
+    if uniform:
+        variable.SetIndices(Vt.IntArray.FromNumpy(which.reshape(-1).astype(np.int32)))
     return prim
 
 

@@ -37,7 +37,8 @@ class BirdParameters:
 
     hand: share of the half span beyond the wrist. wrist_forward: of the wrist before the shoulder. tip_sweep: of the
     tip behind the wrist. fingers: separated primaries at the tip, if it is slotted. wing_place: share of the body
-    length, from its front, of the wing's quarter chord.
+    length, from its front, of the wing's quarter chord. leg_drop: of the legs below the tail. body_pitch: of the trunk
+    against the wings, nose up (slow flight).
     """
 
     body_length: float
@@ -53,6 +54,8 @@ class BirdParameters:
     tail_length: float
     tail_width: float
     legs: float
+    leg_drop: float
+    body_pitch: float
     aspect: float
     hand: float
     wrist_forward: float
@@ -83,16 +86,18 @@ def author(p: BirdParameters) -> SkinnedAsset:
     """Build the skinned parts, the skeleton and the wing beat; the span at rest, wings level, is 1 m."""
     wing = _wing(p)
     left = _wing_weights(p, wing, "left")
-    trunk = body(_trunk_keys(p), 2.1, 2.0, 26, 14)
-    bill, tail, legs = _bill(p), _tail(p), _legs(p)
+    level = body(_trunk_keys(p), 2.1, 2.0, 26, 14)
+    turn = _pitch(p)
+    trunk, bill, tail = (moved(mesh, (0.0, 0.0, 0.0), turn) for mesh in (level, _bill(p), _tail(p)))
     parts = [
-        SkinnedPart(Part("trunk", trunk, 0), _trunk_weights(p, trunk)),
+        SkinnedPart(Part("trunk", trunk, 0), _trunk_weights(p, level)),
         SkinnedPart(Part("bill", bill, 1), _rigid(bill, "body/head")),
         SkinnedPart(Part("tail", tail, 0), _rigid(tail, "body/tail")),
         SkinnedPart(Part("wing_left", wing, 0), left),
         SkinnedPart(Part("wing_right", mirrored(wing), 0), left[:, [0, 1, 2, 5, 6, 3, 4]]),
     ]
-    if legs is not None:
+    if p.legs > 0:
+        legs = moved(_legs(p), (0.0, 0.0, 0.0), turn)
         parts.append(SkinnedPart(Part("legs", legs, 2), _rigid(legs, "body/tail")))
     skeleton = _skeleton(p)
     asset = SkinnedAsset(tuple(parts), skeleton, fly(_beat(p), skeleton))
@@ -163,13 +168,16 @@ def _tail(p: BirdParameters) -> Mesh:
     return body(keys, 2.5, 1.0, 18, 12)
 
 
-def _legs(p: BirdParameters) -> Mesh | None:
-    """Legs trailed under the tail, with feet."""
-    if p.legs == 0:
-        return None
-    x, z = _front(p) - 0.75 * p.body_length, -0.25 * p.body_depth
-    foot: Vector = (x - p.legs, 0.012, z - 0.01)
-    chain = [(x, 0.02, z), foot, (foot[0] - 0.03, 0.016, foot[2] - 0.012)]
+def _pitch(p: BirdParameters) -> Float[np.ndarray, "3 3"]:
+    return rotation_about((0.0, 1.0, 0.0), -p.body_pitch)
+
+
+def _legs(p: BirdParameters) -> Mesh:
+    """Legs trailed under the tail or let down, with feet."""
+    x, z = _front(p) - 0.7 * p.body_length, -0.25 * p.body_depth
+    drop = np.deg2rad(p.leg_drop)
+    foot: Vector = (x - p.legs * float(np.cos(drop)), 0.014, z - p.legs * float(np.sin(drop)))
+    chain = [(x, 0.02, z), foot, (foot[0] - 0.03 * float(np.cos(drop)), 0.018, foot[2] - 0.012)]
     return both_sides(polyline_tube(chain, 0.006, 6))
 
 
@@ -240,8 +248,8 @@ def _skeleton(p: BirdParameters) -> Skeleton:
     shoulder = edge[1] - np.array([0.25 * chord[1], 0.0, 0.0])
     wrist = edge[2] - np.array([0.15 * chord[2], 0.0, 0.0])
     flip = np.array([1.0, -1.0, 1.0])
-    head = np.array([_front(p), 0.0, 0.2 * p.neck_rise])
-    tail = np.array([_front(p) - 0.88 * p.body_length, 0.0, 0.0])
+    head = _pitch(p) @ np.array([_front(p), 0.0, 0.2 * p.neck_rise])
+    tail = _pitch(p) @ np.array([_front(p) - 0.88 * p.body_length, 0.0, 0.0])
     return Skeleton(JOINTS, np.stack([np.zeros(3), head, tail, shoulder, wrist, flip * shoulder, flip * wrist]))
 
 

@@ -20,9 +20,9 @@ from aerojax.types import CLASSES
 
 FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
     "bird": {
-        "train": ("passerine", "gull", "buzzard", "goose", "pigeon", "heron", "swift", "crow"),
-        "val": ("duck", "falcon"),
-        "test": ("eagle", "stork", "albatross"),
+        "train": ("passerine", "gull", "buzzard", "goose", "pigeon", "heron", "swift", "albatross"),
+        "val": ("crow", "falcon"),
+        "test": ("eagle", "stork", "duck"),
     },
     "drone": {
         "train": (
@@ -31,12 +31,13 @@ FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
             "hexacopter",
             "micro_quad",
             "research_quad",
-            "octocopter",
+            "tricopter",
             "guarded_quad",
             "heavy_lift",
+            "coaxial_x8",
         ),
-        "val": ("h_frame", "coaxial_x8"),
-        "test": ("dead_cat", "tricopter", "coaxial_y6"),
+        "val": ("octocopter", "h_frame"),
+        "test": ("dead_cat", "coaxial_y6"),
     },
     "airplane": {
         "train": (
@@ -48,17 +49,19 @@ FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
             "twin_prop",
             "business_jet",
             "foam_flyer",
+            "flying_wing",
         ),
-        "val": ("commuter", "flying_wing"),
-        "test": ("biplane", "twin_boom", "canard_delta"),
+        "val": ("commuter", "canard_delta"),
+        "test": ("biplane", "twin_boom"),
     },
     "helicopter": {
-        "train": ("light_piston", "transport", "light_turbine", "attack", "pod_and_boom", "fenestron"),
-        "val": ("heavy_transport", "coaxial"),
-        "test": ("open_frame", "tandem"),
+        "train": ("light_piston", "transport", "light_turbine", "attack", "pod_and_boom", "fenestron", "tandem"),
+        "val": ("heavy_transport", "utility"),
+        "test": ("open_frame", "coaxial"),
     },
 }
-"""Class, split, families: the commonest kinds train, kinds of their own validate and test."""
+"""Class, split, families. The commonest kinds and the extremes train (longest wings, fewest arms, most rotors), so that
+kinds seen only in validation or test lie between kinds that were trained on."""
 
 
 @dataclass(frozen=True)

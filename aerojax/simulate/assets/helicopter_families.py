@@ -184,6 +184,27 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "gear": "wheels",
         "gear_height": (0.04, 0.06),
     },
+    "utility": LIGHT
+    | {
+        "cabin_length": (0.42, 0.5),
+        "cabin_width": (0.16, 0.2),
+        "cabin_height": (0.16, 0.2),
+        "cabin_exponent": (2.8, 3.8),
+        "nose_height": (-0.4, -0.15),
+        "boom_root": (0.045, 0.06),
+        "boom_tip": (0.02, 0.028),
+        "fin_height": (0.14, 0.18),
+        "fin_below": 0.0,
+        "stabiliser_span": (0.18, 0.24),
+        "stabiliser_place": (0.72, 0.8),
+        "tail_radius": (0.085, 0.105),
+        "tail_blades": 2,
+        "blades": [2, 2, 4],
+        "blade_chord": (0.07, 0.09),
+        "rotor_ratio": (1.08, 1.18),
+        "mast_height": (0.06, 0.1),
+        "hertz": (5.0, 6.0),
+    },
     "open_frame": LIGHT
     | {
         "cabin_length": (0.3, 0.38),

@@ -66,7 +66,7 @@ class SkinnedAsset:
 
 
 def write_skinned(path: Path, asset: SkinnedAsset, colour_seed: int) -> None:
-    """Write a skinned asset under a SkelRoot whose extent bounds the whole cycle."""
+    """Write a skinned asset under a SkelRoot whose extent follows the motion."""
     palette = draw_palette(colour_seed)
     half_width = max(float(np.abs(p.part.mesh.points[:, 1]).max()) for p in asset.parts)
 
@@ -79,7 +79,7 @@ def write_skinned(path: Path, asset: SkinnedAsset, colour_seed: int) -> None:
             child = holder.GetPath().AppendChild(skinned.part.name)
             mesh = write_mesh(stage, child, skinned.part.mesh, paint(palette, skinned.part, half_width))
             _bind(mesh, skinned.weights, skeleton)
-        holder.CreateExtentAttr(_extent(asset))
+        _write_extents(holder, asset.motion)
 
     write_stage(path, float(asset.motion.seconds[-1]), fill)
 
@@ -131,33 +131,12 @@ def strongest(
     return order.astype(np.int32), (share / share.sum(1, keepdims=True)).astype(np.float32)
 
 
-def _extent(asset: SkinnedAsset) -> Vt.Vec3fArray:
-    """Bounds of every pose: samples of the cycle skinned on the host."""
-    posed = np.concatenate([pose(asset, i) for i in range(0, len(asset.motion.seconds), 3)])
-    return Vt.Vec3fArray.FromNumpy(np.stack([posed.min(0) - 0.005, posed.max(0) + 0.005]).astype(np.float32))
-
-
-def pose(asset: SkinnedAsset, sample: int) -> Float[np.ndarray, "vertex 3"]:
-    """Linear-blend skinning of all parts at one sample of the motion, body frame."""
-    skeleton, rest = asset.skeleton, _rest(asset.skeleton)
-    turn, origin = [], []
-    for j in range(len(skeleton.paths)):
-        local, offset = _matrix(asset.motion.quaternion[sample, j]), rest[j] + asset.motion.shift[sample, j]
-        parent = skeleton.parent(j)
-        turn.append(local if parent < 0 else turn[parent] @ local)
-        origin.append(offset if parent < 0 else turn[parent] @ offset + origin[parent])
-    moved = []
-    for skinned in asset.parts:
-        points = skinned.part.mesh.points
-        each = np.stack([(points - p) @ r.T + o for p, r, o in zip(skeleton.pivots, turn, origin, strict=True)], axis=1)
-        moved.append(np.einsum("vj,vji->vi", skinned.weights, each))
-    return np.concatenate(moved)
-
-
-def _matrix(quaternion: Float[np.ndarray, "4"]) -> Float[np.ndarray, "3 3"]:
-    w, x, y, z = quaternion
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+def _write_extents(root: UsdSkel.Root, motion: Motion) -> None:
+    """Bounds at every sample, as UsdSkel itself computes them from joints and skinned meshes."""
+    extent = root.CreateExtentAttr()
+    for seconds in motion.seconds:
+        code = Usd.TimeCode(float(seconds) * TIME_CODES_PER_SECOND)
+        extent.Set(UsdGeom.Boundable.ComputeExtentFromPlugins(root, code), code)
 
 
 def rescaled(asset: SkinnedAsset, factor: float) -> SkinnedAsset:
