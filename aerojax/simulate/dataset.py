@@ -9,13 +9,14 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from aerojax.capture.format import Capture, CaptureCamera, ObjectState, TrackedObject, Truth, write_capture_json
 from aerojax.capture.write import write_frame
 from aerojax.geometry.boxes import tight_box
 from aerojax.geometry.rotations import quaternion_from_rotation
 from aerojax.simulate.assets.catalogue import Identity, build_identity
-from aerojax.simulate.flight import Motion, draw_flight
+from aerojax.simulate.flight import Flight, Motion, draw_flight
 from aerojax.simulate.render import Rendering, linear_from_srgb, render_object
 from aerojax.simulate.rigs import RigConfig, draw_rig
 from aerojax.simulate.scene import author_scene, body_poses
@@ -52,6 +53,39 @@ def sequence_seed(dataset_seed: int, name: str) -> int:
     return int.from_bytes(digest, "little")
 
 
+@dataclass(frozen=True)
+class SequencePlan:
+    """Everything that a sequence's seed decides, before anything is rendered.
+
+    origin: where the middle of the flight lies, metres, world.
+    flight: poses about the origin.
+    cameras: static.
+    lighting, domes: linear light, and the sRGB background of each camera.
+    phase: where in its cycle the asset's animation starts, seconds.
+    """
+
+    origin: Float[np.ndarray, "3"]
+    flight: Flight
+    cameras: tuple[CaptureCamera, ...]
+    lighting: Lighting
+    domes: tuple[tuple[float, float, float], ...]
+    phase: float
+
+
+def draw_sequence(label: str, config: SequenceConfig, *, seed: int) -> SequencePlan:
+    """Draw flight, rig, light and phase of a sequence of class `label`; the same seed gives the same plan."""
+    rng = np.random.default_rng(seed)
+    origin = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(6.0, 14.0)])
+    flight = draw_flight(
+        label, frames=config.frames, fps=config.fps, motion=config.motion, rng=rng, max_travel=config.max_travel
+    )
+    cameras = draw_rig(config.rigs[rng.integers(len(config.rigs))], origin, rng)
+    if not config.depth:
+        cameras = tuple(replace(c, depth=None) for c in cameras)
+    lighting, domes = _draw_light(config, len(cameras), rng)
+    return SequencePlan(origin, flight, cameras, lighting, domes, phase=rng.uniform(0.0, 10.0))
+
+
 def simulate_sequence(identity: Identity, config: SequenceConfig, *, seed: int, folder: Path, assets: Path) -> Capture:
     """Fly one identity past a rig and write the capture.
 
@@ -62,76 +96,54 @@ def simulate_sequence(identity: Identity, config: SequenceConfig, *, seed: int, 
         folder: becomes the capture; `scene.usda` in it is the sequence's stage.
         assets: folder of identity stages, shared by sequences.
     """
-    rng = np.random.default_rng(seed)
-    origin = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(6.0, 14.0)])
-    flight = draw_flight(
-        identity.label,
-        frames=config.frames,
-        fps=config.fps,
-        motion=config.motion,
-        rng=rng,
-        max_travel=config.max_travel,
-    )
-    cameras = draw_rig(config.rigs[rng.integers(len(config.rigs))], origin, rng)
-    if not config.depth:
-        cameras = tuple(replace(c, depth=None) for c in cameras)
-    lighting, domes = _draw_light(config, len(cameras), rng)
+    plan = draw_sequence(identity.label, config, seed=seed)
     asset = build_identity(identity, assets)
     folder.mkdir(parents=True, exist_ok=True)
     scene = folder / "scene.usda"
-    author_scene(scene, asset, flight, cameras, fps=config.fps, origin=origin)
-    mesh = load_animated_mesh(asset)
-    phase = rng.uniform(0.0, 10.0)  # where in its cycle the animation starts, seconds
-    states = _render_frames(mesh, body_poses(scene), cameras, config, lighting, domes, phase, folder)
+    author_scene(scene, asset, plan.flight, plan.cameras, fps=config.fps, origin=plan.origin)
+    states = _render_frames(load_animated_mesh(asset), body_poses(scene), plan, config, folder)
     truth = Truth(
         (TrackedObject(1, identity.label, identity.name, tuple(states), source="aerojax", licence="Apache-2.0"),)
     )
-    capture = Capture(folder, config.fps, config.frames, cameras, truth)
+    capture = Capture(folder, config.fps, config.frames, plan.cameras, truth)
     write_capture_json(capture)
     return capture
 
 
 def _draw_light(
     config: SequenceConfig, cameras: int, rng: np.random.Generator
-) -> tuple[Lighting, list[tuple[float, float, float]]]:
+) -> tuple[Lighting, tuple[tuple[float, float, float], ...]]:
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.deg2rad(rng.uniform(20, 80))
     flat = np.cos(elevation)
     sun = (float(flat * np.cos(azimuth)), float(flat * np.sin(azimuth)), float(np.sin(elevation)))
     lighting = Lighting(sun, sun=rng.uniform(0.2, 0.7), sky=rng.uniform(0.35, 0.7), ground=rng.uniform(0.1, 0.4))
     skies = rng.uniform([0.45, 0.55, 0.65], [0.85, 0.9, 1.0], (cameras, 3))
-    domes = [(1.0, 1.0, 1.0) if config.white_dome else (float(s[0]), float(s[1]), float(s[2])) for s in skies]
-    return lighting, domes
+    domes = ((1.0, 1.0, 1.0) if config.white_dome else (float(s[0]), float(s[1]), float(s[2])) for s in skies)
+    return lighting, tuple(domes)
 
 
 def _render_frames(
-    mesh: AnimatedMesh,
-    poses: np.ndarray,
-    cameras: tuple[CaptureCamera, ...],
-    config: SequenceConfig,
-    lighting: Lighting,
-    domes: list[tuple[float, float, float]],
-    phase: float,
-    folder: Path,
+    mesh: AnimatedMesh, poses: np.ndarray, plan: SequencePlan, config: SequenceConfig, folder: Path
 ) -> list[ObjectState]:
-    caster = MeshCaster(mesh.faces, linear_from_srgb(mesh.albedo), mesh.vertices_at(phase))
+    caster = MeshCaster(mesh.faces, linear_from_srgb(mesh.albedo), mesh.vertices_at(plan.phase))
     with jax.enable_x64(True):
         quaternions = np.asarray(quaternion_from_rotation(jnp.asarray(poses[:, :3, :3])))
     states = []
     for frame, pose in enumerate(poses):
         origin = pose[:3, 3]
-        turned = mesh.vertices_at(phase + frame / config.fps).astype(np.float64) @ pose[:3, :3].T
+        turned = mesh.vertices_at(plan.phase + frame / config.fps).astype(np.float64) @ pose[:3, :3].T
         caster.pose(turned)
         boxes: dict[str, tuple[float, float, float, float]] = {}
-        for camera, dome in zip(cameras, domes, strict=True):
+        for camera, dome in zip(plan.cameras, plan.domes, strict=True):
             image = render_object(
-                caster, turned + origin, origin, camera, lighting=lighting, samples=config.samples, dome=dome
+                caster, turned + origin, origin, camera, lighting=plan.lighting, samples=config.samples, dome=dome
             )
             _write(folder, camera, frame, image)
             box = tight_box(image.mask)
             if box is not None:
                 boxes[camera.name] = box
         position, quaternion = tuple(origin.tolist()), tuple(quaternions[frame].tolist())
-        states.append(ObjectState(frame, position, quaternion, boxes, {c.name: c.name in boxes for c in cameras}))
+        states.append(ObjectState(frame, position, quaternion, boxes, {c.name: c.name in boxes for c in plan.cameras}))
     return states
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -43,7 +44,7 @@ def author_scene(
     world = UsdGeom.Xform.Define(stage, "/World")
     stage.SetDefaultPrim(world.GetPrim())
     body = UsdGeom.Xform.Define(stage, BODY)
-    body.GetPrim().GetReferences().AddReference(str(asset.resolve()))
+    body.GetPrim().GetReferences().AddReference(_relative(asset, path.parent))
     body.ClearXformOpOrder()
     pose = body.AddTransformOp(UsdGeom.XformOp.PrecisionDouble, "flight")
     for frame, (position, rotation) in enumerate(zip(flight.position + origin, flight.world_from_body, strict=True)):
@@ -53,6 +54,11 @@ def author_scene(
     for camera in cameras:
         _author_camera(stage, camera)
     stage.GetRootLayer().Save()
+
+
+def _relative(asset: Path, folder: Path) -> str:
+    """The asset's path as seen from a layer's folder, so that the two can move together."""
+    return Path(os.path.relpath(asset.resolve(), folder.resolve())).as_posix()
 
 
 def _author_camera(stage: Usd.Stage, camera: CaptureCamera) -> None:
