@@ -53,7 +53,8 @@ def draw_flight(
         motion: `in_place` holds one heading at the origin with an elevation within ±20° (the published Sim-1);
             `flight` moves as the class does.
         rng: source of every draw.
-        max_travel: metres that the whole path may span; faster flights are slowed to fit the monitored volume.
+        max_travel: metres that the whole path may span; a longer one is shrunk to fit the monitored volume and keeps
+            the attitude of the path as drawn.
     """
     seconds = (np.arange(frames) - (frames - 1) / 2) / fps
     if motion == "in_place":

@@ -1,0 +1,119 @@
+"""Flights: what each class may do, and the physical meaning of the angles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aerojax.simulate import flight as flights
+from aerojax.simulate.flight import GRAVITY, draw_flight
+from aerojax.types import CLASSES
+
+FORWARD = ("bird", "airplane")
+
+
+def fly(label, seed, **changes):
+    settings = {"frames": 60, "fps": 30.0, "motion": "flight"}
+    return draw_flight(label, rng=np.random.default_rng(seed), **(settings | changes))
+
+
+@pytest.mark.parametrize("label", CLASSES)
+@pytest.mark.parametrize("motion", ["flight", "in_place"])
+def test_attitudes_are_rotations(label, motion):
+    turns = fly(label, 1, motion=motion).world_from_body
+    np.testing.assert_allclose(turns @ np.swapaxes(turns, 1, 2), np.broadcast_to(np.eye(3), turns.shape), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(turns), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("label", CLASSES)
+def test_in_place_holds_position_and_heading(label):
+    for seed in range(10):
+        still = fly(label, seed, motion="in_place", frames=7)
+        assert not still.position.any() and still.position.shape == (7, 3)
+        np.testing.assert_array_equal(still.world_from_body, still.world_from_body[:1].repeat(7, axis=0))
+        assert abs(still.world_from_body[0, 2, 0]) <= np.sin(np.deg2rad(20)) + 1e-12  # elevation of the nose
+        assert abs(still.world_from_body[0, 2, 1]) < 1e-12  # wings level
+
+
+@pytest.mark.parametrize("label", CLASSES)
+def test_a_path_keeps_within_its_limit_and_passes_the_origin(label):
+    for seed in range(20):
+        path = fly(label, seed, max_travel=2.5).position
+        assert np.linalg.norm(np.ptp(path, axis=0)) <= 2.5 + 1e-9
+        np.testing.assert_allclose(path[len(path) // 2], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("label", CLASSES)
+def test_one_frame_is_a_flight(label):
+    alone = fly(label, 0, frames=1)
+    assert alone.position.shape == (1, 3) and np.isfinite(alone.world_from_body).all()
+
+
+@pytest.mark.parametrize("label", FORWARD)
+def test_noses_point_along_the_path(label):
+    for seed in range(20):
+        flown = fly(label, seed)
+        velocity = np.diff(flown.position, axis=0)
+        direction = velocity / np.linalg.norm(velocity, axis=1, keepdims=True)
+        # The path of frame i comes from the step to it; pitch and wobble leave 20 degrees.
+        along = np.sum(direction * flown.world_from_body[1:, :, 0], axis=1)
+        assert along.min() > np.cos(np.deg2rad(20))
+
+
+def test_attitude_by_hand():
+    angle = np.array([0.3])
+    zero = np.zeros(1)
+    nose_down = flights._attitude(zero, angle, zero)[0]
+    np.testing.assert_allclose(nose_down[:, 0], [np.cos(0.3), 0.0, -np.sin(0.3)])
+    left_wing_up = flights._attitude(zero, zero, angle)[0]
+    np.testing.assert_allclose(left_wing_up[:, 1], [0.0, np.cos(0.3), np.sin(0.3)])
+    to_the_left = flights._attitude(angle, zero, zero)[0]
+    np.testing.assert_allclose(to_the_left[:, 0], [np.cos(0.3), np.sin(0.3), 0.0])
+
+
+@pytest.mark.parametrize("label", FORWARD)
+def test_the_inner_wing_goes_down_in_a_turn(label):
+    checked = 0
+    for seed in range(40):
+        flown = fly(label, seed, max_travel=100.0)
+        velocity = np.diff(flown.position[:, :2], axis=0)
+        heading = np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))
+        seconds = np.arange(len(heading)) / 30.0
+        rate = np.polyfit(seconds, heading, 1)[0]
+        speed = float(np.linalg.norm(np.diff(flown.position, axis=0), axis=1).mean() * 30)
+        left_wing_height = float(flown.world_from_body[:, 2, 1].mean())
+        bank = np.arctan(speed * rate / GRAVITY)  # tan φ = v ω / g, positive in a left turn
+        if abs(bank) > np.deg2rad(12):
+            checked += 1
+            assert np.sign(left_wing_height) == -np.sign(rate)
+            assert abs(np.arcsin(-left_wing_height)) == pytest.approx(abs(bank), abs=np.deg2rad(9))
+    assert checked >= 5
+
+
+def test_a_multicopter_leans_into_its_acceleration():
+    cosines = []
+    for seed in range(40):
+        flown = fly("drone", seed, max_travel=1e9)
+        acceleration = np.gradient(np.gradient(flown.position, 1 / 30, axis=0), 1 / 30, axis=0)[3:-3]
+        lean = flown.world_from_body[3:-3, :2, 2]  # horizontal part of the up axis: where the thrust pushes
+        strong = np.linalg.norm(acceleration[:, :2], axis=1) > 4.0
+        if strong.any():
+            a, b = acceleration[strong, :2], lean[strong]
+            cosines.append(np.sum(a * b, axis=1) / np.linalg.norm(a, axis=1) / np.linalg.norm(b, axis=1))
+            tilt = np.arccos(np.clip(flown.world_from_body[3:-3, 2, 2][strong], -1, 1))
+            wanted = np.minimum(np.arctan(np.linalg.norm(a, axis=1) / GRAVITY), np.deg2rad(40))
+            assert np.abs(tilt - wanted).max() < np.deg2rad(16)  # a steady wind leans it by some degrees
+    assert np.median(np.concatenate(cosines)) > 0.95
+
+
+def test_a_shrunk_flight_keeps_its_shape_and_attitude():
+    wide, narrow = fly("drone", 3, max_travel=1e9), fly("drone", 3, max_travel=0.5)
+    scale = np.linalg.norm(np.ptp(narrow.position, axis=0)) / np.linalg.norm(np.ptp(wide.position, axis=0))
+    assert scale < 0.9
+    np.testing.assert_allclose(narrow.position, wide.position * scale, atol=1e-12)
+    np.testing.assert_array_equal(narrow.world_from_body, wide.world_from_body)
+
+
+def test_the_rng_decides():
+    np.testing.assert_array_equal(fly("bird", 5).position, fly("bird", 5).position)
+    assert np.abs(fly("bird", 5).position - fly("bird", 6).position).max() > 0.1
