@@ -13,28 +13,17 @@ from rich.console import Console
 from rich.table import Table
 
 from aerojax.capture.format import Capture, read_capture
+from aerojax.classify.mambasplat import MambaSplat
 from aerojax.classify.weights import load_metadata, load_weights
-from aerojax.errors import UserError
 from aerojax.pipeline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
-from aerojax.simulate.assets.catalogue import identities
-from aerojax.simulate.dataset import SequenceConfig, simulate_sequence
 from aerojax.types import CLASSES
 from aerojax.view.report import write_report
 from experiments.classification_page import classification_report
 from experiments.launch import REPOSITORY, Run, experiment, write_json
 from experiments.progress import progress_bar
+from experiments.sample import SampleConfig, sample_capture
 
 PRETRAINED = REPOSITORY / "aerojax" / "classify" / "pretrained" / "mambasplat_ex_small.safetensors"
-
-
-@dataclass(frozen=True)
-class SampleConfig:
-    """The capture that is simulated where none is given: which test identity, by class and seed."""
-
-    label: str
-    seed: int
-    folder: Path
-    sequence: SequenceConfig
 
 
 @dataclass(frozen=True)
@@ -51,19 +40,14 @@ class Config:
     sample: SampleConfig
 
 
-def _sample_capture(config: SampleConfig, assets: Path) -> Path:
-    """A capture of an identity that training never saw, made once."""
-    held_out = [i for i in identities("test", 3) if i.label == config.label]
-    if not held_out:
-        raise UserError(f"sample.label={config.label} is no class; choose one of {', '.join(CLASSES)}")
-    identity = held_out[config.seed % len(held_out)]
-    folder = config.folder / f"{identity.name}_seed{config.seed}_{config.sequence.frames}frames"
-    if not (folder / "capture.json").exists():
-        simulate_sequence(identity, config.sequence, seed=config.seed, folder=folder, assets=assets)
-    return folder
+def load_classifier(weights: Path | None) -> tuple[MambaSplat, int]:
+    """A trained model (the shipped one if None) and how many tokens a frame it reads."""
+    path = weights or PRETRAINED
+    return load_weights(path), json.loads(load_metadata(path)["reading"])["tokens"]
 
 
-def _true_class(capture: Capture, object_id: int | None) -> str | None:
+def true_class(capture: Capture, object_id: int | None) -> str | None:
+    """The class that the capture's truth gives the object, if it gives one."""
     objects = capture.truth.objects if capture.truth else ()
     named = [o.class_name for o in objects if object_id is None or o.object_id == object_id]
     return named[0] if len(set(named)) == 1 else None
@@ -101,10 +85,8 @@ def _show(console: Console, result: dict, clip: Clip, capture: Capture, truth: s
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Capture in; table, result.json and report.html out."""
-    weights = config.weights or PRETRAINED
-    model = load_weights(weights)
-    tokens = json.loads(load_metadata(weights)["reading"])["tokens"]
-    capture = read_capture(config.capture or _sample_capture(config.sample, config.assets))
+    model, tokens = load_classifier(config.weights)
+    capture = read_capture(config.capture or sample_capture(config.sample, config.assets))
     with progress_bar() as bar:
         task = bar.add_task("frames", total=capture.frames)
         clip = reconstruct_capture(
@@ -122,7 +104,7 @@ def main(config: Config, run: Run) -> None:
     latency = {**clip.latency_ms, "classify": 1e3 * (time.perf_counter() - start) / len(clip.frames)}
     result = _result(capture, clip, so_far, latency)
     write_json(run.directory / "result.json", result)
-    truth = _true_class(capture, config.object)
+    truth = true_class(capture, config.object)
     write_report(run.directory / "report.html", classification_report(capture, clip, so_far, latency, truth))
     console = Console()
     _show(console, result, clip, capture, truth)

@@ -22,7 +22,7 @@ from aerojax.evaluate.labels import label_figures
 from aerojax.training.data import ClipSet, VariationConfig, epoch_order, load_clips, vary_clip
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
 from aerojax.types import CLASSES
-from experiments.generate_clips import ClipsConfig, ensure_clips
+from experiments.clip_factory import ClipsConfig, ensure_clips
 from experiments.launch import Run, experiment, provenance, write_json
 from experiments.progress import progress_bar
 

@@ -15,6 +15,7 @@ from aerojax.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = sorted(p.stem for p in (ROOT / "conf").glob("*.yaml") if p.stem != "base")
+REQUIRED = {"classify_folder": ("captures=captures",), "fit_gaussians": ("capture=capture",)}
 
 
 def composed(name: str, *overrides: str) -> dict:
@@ -27,7 +28,7 @@ def composed(name: str, *overrides: str) -> dict:
 @pytest.mark.parametrize("name", NAMES)
 def test_config_fits(name, preset):
     config_type = importlib.import_module(f"experiments.{name}").Config
-    config = to_dataclass(composed(name, f"preset={preset}"), config_type)
+    config = to_dataclass(composed(name, f"preset={preset}", *REQUIRED.get(name, ())), config_type)
     assert config.preset == preset
 
 
