@@ -27,7 +27,9 @@ def farthest_points(
         allowed = jnp.sum(points * points, axis=-1) > min_square_norm
 
     def choose(nearest: Array, chosen: Array) -> tuple[Array, Array]:
-        nearest = jnp.minimum(nearest, jnp.sum((points - points[chosen]) ** 2, axis=-1))
+        # The maximum keeps products and sum apart: a fused multiply-add would round the ties of a grid differently.
+        square = jnp.maximum((points - points[chosen]) ** 2, 0.0)
+        nearest = jnp.minimum(nearest, square[:, 0] + square[:, 1] + square[:, 2])
         return nearest, jnp.argmax(jnp.where(allowed, nearest, -1.0)).astype(jnp.int32)
 
     def body(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], Array]:

@@ -142,3 +142,22 @@ class MambaSplat(nnx.Module):
         zero = jnp.zeros(self.config.d_model)
         temporal = self.temporal.initial_state() if self.temporal is not None else None
         return StreamState(temporal, zero, jnp.zeros(()), zero)
+
+    def step(
+        self, features: Float[Array, "width"], valid: Bool[Array, ""], state: StreamState
+    ) -> tuple[Float[Array, "label"], StreamState]:
+        """Logits after one more frame of a stream; equal to `embed` and the head over all frames so far.
+
+        Args:
+            features: a frame's descriptor from `frame_features`.
+            valid: False leaves the state as it was.
+            state: from `initial_state` or the last step. A table of positions would end a stream, so none is added:
+                use `positional_encoding` False.
+        """
+        embedding, temporal = features, state.temporal
+        if self.temporal is not None and temporal is not None:
+            embedding, temporal = self.temporal.step(features, temporal)
+        following = StreamState(temporal, state.total + embedding, state.count + 1, embedding)
+        following = jax.tree.map(lambda new, old: jnp.where(valid, new, old), following, state)
+        mean = following.total / jnp.maximum(following.count, 1.0)
+        return self.head(mean if self.config.readout == "mean" else following.embedding), following
