@@ -10,7 +10,6 @@ import warp as wp
 
 from kernels.splat_projection import ALPHA_MIN, TILE
 
-PIXELS = TILE * TILE
 RECORD = 8
 """u, v, A, B, C, opacity, lowest power that can be visible, depth."""
 GRADIENT = 10
@@ -114,24 +113,61 @@ def listing_kernels() -> Listing:
 
 @no_type_check
 @functools.cache
-def blending_kernels(real: type) -> Blending:
-    """Kernels that blend in `wp.float32` or `wp.float64`: (forward, backward, reduce)."""
+def blending_kernels(real: type, strip: int) -> Blending:
+    """Kernels that blend in `wp.float32` or `wp.float64`, a thread for `strip` neighbouring pixels of one tile row.
+
+    A CPU takes whole rows: what a row shares is computed once, and a Gaussian's share of the row is solved for instead
+    of being searched. A GPU takes single pixels, whose state then lives in registers.
+    """
     record = wp.types.vector(length=RECORD, dtype=real)
     gradient = wp.types.vector(length=GRADIENT, dtype=real)
     vec3 = wp.types.vector(length=3, dtype=real)
+    colour_strip = wp.types.matrix(shape=(strip, 3), dtype=real)
+    real_strip = wp.types.vector(length=strip, dtype=real)
+    count_strip = wp.types.vector(length=strip, dtype=wp.int32)
     half = wp.constant(real(0.5))
     one = wp.constant(real(1.0))
     zero = wp.constant(real(0.0))
+    slack = wp.constant(real(1e-5))
     visible = wp.constant(real(ALPHA_MIN))
-    tile_edge = wp.constant(TILE)
+    edge = wp.constant(TILE)
+    size = wp.constant(strip)
+    in_row = wp.constant(TILE // strip)
+
+    @wp.func
+    def corner(tile: int, part: int, width: int, height: int):
+        # (image, row, first column) of a strip.
+        across = (width + edge - 1) // edge
+        per_image = across * ((height + edge - 1) // edge)
+        inside = tile % per_image
+        row = inside // across * edge + part // in_row
+        return tile // per_image, row, inside % across * edge + part % in_row * size
+
+    @wp.func
+    def share(r: record, column: int, dy: real, columns: int):
+        # Pixels [first, stop) of the strip where the power can reach its lowest visible value r[6]:
+        # A dx² + 2 B dy dx + C dy² + 2 r[6] <= 0, a quadratic in dx; the slack covers its rounding.
+        b = r[3] * dy
+        square = b * b * (one + slack) - r[2] * (r[4] * dy * dy + r[6] + r[6])
+        first = wp.int32(0)
+        stop = wp.int32(0)
+        if square >= zero:
+            root = wp.sqrt(square)
+            middle = r[0] - real(column) - half
+            low = wp.max(middle + (b - root) / r[2] - slack, zero)
+            high = wp.min(middle + (b + root) / r[2] + slack, real(columns - 1))
+            if low <= high:
+                first = wp.int32(wp.ceil(low))
+                stop = wp.int32(wp.floor(high)) + 1
+        return first, stop
 
     @wp.kernel(module="unique", enable_backward=False)
     def forward(
-        first: int,
+        tile_first: int,
         width: int,
         height: int,
         alpha_max: real,
-        stop: real,
+        end_below: real,
         starts: wp.array(dtype=wp.int32),
         listed: wp.array(dtype=wp.int32),
         records: wp.array(dtype=record),
@@ -142,51 +178,59 @@ def blending_kernels(real: type) -> Blending:
         final: wp.array(dtype=real),
         last: wp.array(dtype=wp.int32),
     ):
-        offset, pixel = wp.tid()
-        tile = first + offset
-        across = (width + tile_edge - 1) // tile_edge
-        per_image = across * ((height + tile_edge - 1) // tile_edge)
-        view = tile // per_image
-        column = (tile % per_image) % across * tile_edge + pixel % tile_edge
-        row = (tile % per_image) // across * tile_edge + pixel // tile_edge
-        if column < width and row < height:
-            u = real(column) + half
+        offset, part = wp.tid()
+        tile = tile_first + offset
+        view, row, column = corner(tile, part, width, height)
+        columns = wp.min(size, width - column)
+        if columns > 0 and row < height:
+            t = real_strip()
+            z = real_strip()
+            rgb = colour_strip()
+            used = count_strip()
+            ended = count_strip()
+            for k in range(size):
+                t[k] = one
             v = real(row) + half
-            t = real(1.0)
-            rgb = vec3()
-            z = real(0.0)
             begin = starts[tile]
             end = starts[tile + 1]
-            used = wp.int32(0)
+            alive = wp.int32(columns)
             place = wp.int32(begin)
-            while place < end:
-                r = records[listed[place]]
-                dx = r[0] - u
-                dy = r[1] - v
-                power = -half * (r[2] * dx * dx + r[4] * dy * dy) - r[3] * dx * dy
+            while place < end and alive > 0:
+                gaussian = listed[place]
+                r = records[gaussian]
                 place += 1
-                if power <= zero and power >= r[6]:
-                    alpha = r[5] * wp.exp(power)
-                    if alpha >= visible:
-                        alpha = wp.min(alpha, alpha_max)
-                        left = t * (one - alpha)
-                        if left < stop:
-                            place = end
-                        else:
-                            weight = alpha * t
-                            rgb += weight * colours[listed[place - 1]]
-                            z += weight * r[7]
-                            t = left
-                            used = place - begin
+                dy = r[1] - v
+                first, stop = share(r, column, dy, columns)
+                for k in range(first, stop):
+                    if ended[k] == 0:
+                        dx = r[0] - (real(column + k) + half)
+                        power = -half * (r[2] * dx * dx + r[4] * dy * dy) - r[3] * dx * dy
+                        alpha = r[5] * wp.exp(power)
+                        if power <= zero and alpha >= visible:
+                            alpha = wp.min(alpha, alpha_max)
+                            left = t[k] * (one - alpha)
+                            if left < end_below:
+                                ended[k] = 1
+                                alive -= 1
+                            else:
+                                weight = alpha * t[k]
+                                colour = colours[gaussian]
+                                rgb[k, 0] = rgb[k, 0] + weight * colour[0]
+                                rgb[k, 1] = rgb[k, 1] + weight * colour[1]
+                                rgb[k, 2] = rgb[k, 2] + weight * colour[2]
+                                z[k] = z[k] + weight * r[7]
+                                t[k] = left
+                                used[k] = place - begin
             where = (view * height + row) * width + column
-            image[where] = rgb + t * backgrounds[view]
-            depths[where] = z
-            final[where] = t
-            last[where] = used
+            for k in range(columns):
+                image[where + k] = vec3(rgb[k, 0], rgb[k, 1], rgb[k, 2]) + t[k] * backgrounds[view]
+                depths[where + k] = z[k]
+                final[where + k] = t[k]
+                last[where + k] = used[k]
 
     @wp.kernel(module="unique", enable_backward=False)
     def backward(
-        first: int,
+        tile_first: int,
         width: int,
         height: int,
         alpha_max: real,
@@ -203,55 +247,61 @@ def blending_kernels(real: type) -> Blending:
     ):
         # Back to front. With F_i = g·(colour_i, depth_i) and S_i the blended sum of F behind i:
         # dL/dalpha_i = T_i F_i - (S_i + T_final dL/dT_final) / (1 - alpha_i).
-        offset, pixel = wp.tid()
-        tile = first + offset
-        across = (width + tile_edge - 1) // tile_edge
-        per_image = across * ((height + tile_edge - 1) // tile_edge)
-        view = tile // per_image
-        column = (tile % per_image) % across * tile_edge + pixel % tile_edge
-        row = (tile % per_image) // across * tile_edge + pixel // tile_edge
-        if column < width and row < height:
+        offset, part = wp.tid()
+        tile = tile_first + offset
+        view, row, column = corner(tile, part, width, height)
+        columns = wp.min(size, width - column)
+        if columns > 0 and row < height:
             where = (view * height + row) * width + column
-            u = real(column) + half
+            t = real_strip()
+            behind = real_strip()
+            deepest = wp.int32(0)
+            for k in range(columns):
+                t[k] = final[where + k]
+                behind[k] = t[k] * final_gradient[where + k]
+                deepest = wp.max(deepest, last[where + k])
             v = real(row) + half
-            g_rgb = image_gradient[where]
-            g_z = depth_gradient[where]
-            t = final[where]
-            behind = t * final_gradient[where]
             begin = starts[tile]
-            place = begin + last[where]
+            place = begin + deepest
             while place > begin:
                 place -= 1
                 gaussian = listed[place]
                 r = records[gaussian]
-                dx = r[0] - u
                 dy = r[1] - v
-                power = -half * (r[2] * dx * dx + r[4] * dy * dy) - r[3] * dx * dy
-                if power <= zero and power >= r[6]:
-                    falloff = wp.exp(power)
-                    raw = r[5] * falloff
-                    if raw >= visible:
-                        alpha = wp.min(raw, alpha_max)
-                        inverse = one / (one - alpha)
-                        t = t * inverse
-                        weight = alpha * t
-                        feature = wp.dot(g_rgb, colours[gaussian]) + g_z * r[7]
-                        g_alpha = t * feature - behind * inverse
-                        behind += weight * feature
-                        g = gradient()
-                        if raw <= alpha_max:
-                            g_power = raw * g_alpha
-                            g[0] = -g_power * (r[2] * dx + r[3] * dy)
-                            g[1] = -g_power * (r[4] * dy + r[3] * dx)
-                            g[2] = -half * g_power * dx * dx
-                            g[3] = -g_power * dx * dy
-                            g[4] = -half * g_power * dy * dy
-                            g[5] = falloff * g_alpha
-                        g[6] = weight * g_z
-                        g[7] = weight * g_rgb[0]
-                        g[8] = weight * g_rgb[1]
-                        g[9] = weight * g_rgb[2]
-                        wp.atomic_add(gradients, place, g)
+                first, stop = share(r, column, dy, columns)
+                if first < stop:
+                    g = gradient()
+                    colour = colours[gaussian]
+                    for k in range(first, stop):
+                        if place - begin < last[where + k]:
+                            dx = r[0] - (real(column + k) + half)
+                            power = -half * (r[2] * dx * dx + r[4] * dy * dy) - r[3] * dx * dy
+                            falloff = wp.exp(power)
+                            raw = r[5] * falloff
+                            if power <= zero and raw >= visible:
+                                g_rgb = image_gradient[where + k]
+                                g_z = depth_gradient[where + k]
+                                alpha = wp.min(raw, alpha_max)
+                                inverse = one / (one - alpha)
+                                t_here = t[k] * inverse
+                                t[k] = t_here
+                                weight = alpha * t_here
+                                feature = wp.dot(g_rgb, colour) + g_z * r[7]
+                                g_alpha = t_here * feature - behind[k] * inverse
+                                behind[k] = behind[k] + weight * feature
+                                if raw <= alpha_max:
+                                    g_power = raw * g_alpha
+                                    g[0] = g[0] - g_power * (r[2] * dx + r[3] * dy)
+                                    g[1] = g[1] - g_power * (r[4] * dy + r[3] * dx)
+                                    g[2] = g[2] - half * g_power * dx * dx
+                                    g[3] = g[3] - g_power * dx * dy
+                                    g[4] = g[4] - half * g_power * dy * dy
+                                    g[5] = g[5] + falloff * g_alpha
+                                g[6] = g[6] + weight * g_z
+                                g[7] = g[7] + weight * g_rgb[0]
+                                g[8] = g[8] + weight * g_rgb[1]
+                                g[9] = g[9] + weight * g_rgb[2]
+                    wp.atomic_add(gradients, place, g)
 
     @wp.kernel(module="unique", enable_backward=False)
     def reduce(

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, no_type_check
 import numpy as np
 import warp as wp
 
-from kernels.splat_blending import GRADIENT, PIXELS, RECORD, blending_kernels, listing_kernels
+from kernels.splat_blending import GRADIENT, RECORD, Blending, blending_kernels, listing_kernels
 from kernels.splat_projection import TILE
 
 MOST_PAIRS = 2**31 - 1
@@ -25,8 +25,6 @@ CHUNKS_PER_THREAD = 4
 """Tile ranges a thread takes one after another: evens out pixels that end early, for some 20 µs a launch."""
 SMALL = 20_000
 """Pairs (Gaussian, tile) below which one chunk a thread is enough."""
-
-wp.config.log_level = wp.LOG_WARNING  # nothing but a program's own words belongs on its standard output
 
 
 class _Workers:
@@ -144,14 +142,20 @@ def _ranges(lists: Lists, device: Any) -> list[tuple[int, int]]:
     return list(itertools.pairwise(edges))
 
 
-def _launch_tiles(kernel: wp.Kernel, lists: Lists, *arguments: Any) -> None:
-    """Launch a blending kernel over all tiles, a thread a pixel, tile ranges spread over the CPU's cores."""
+def _kernels(real: type, device: Any) -> tuple[Blending, int]:
+    """Blending kernels for a device and how many strips of pixels a tile has for them."""
+    strip = 1 if device.is_cuda else TILE
+    return blending_kernels(real, strip), TILE * TILE // strip
+
+
+def _launch_tiles(kernel: wp.Kernel, lists: Lists, strips: int, *arguments: Any) -> None:
+    """Launch a blending kernel over all tiles, a thread a strip, tile ranges spread over the CPU's cores."""
     device: Any = lists.starts.device
     if device.is_cpu:
         wp.load_module(kernel.module, device, block_dim=1)  # before the pool: two threads must not compile one module
 
     def part(first: int, stop: int) -> None:
-        wp.launch(kernel, dim=(stop - first, PIXELS), inputs=[first, *arguments], device=device, block_dim=PIXELS)
+        wp.launch(kernel, dim=(stop - first, strips), inputs=[first, *arguments], device=device)
 
     _WORKERS.run(part, _ranges(lists, device))
 
@@ -163,7 +167,6 @@ def callables(real: type) -> tuple[Any, Any]:
 
     Arrays are flat: Gaussians image after image, pixels row after row, image after image. Every output is overwritten.
     """
-    kernels = blending_kernels(real)
     record = wp.types.vector(length=RECORD, dtype=real)
     gradient = wp.types.vector(length=GRADIENT, dtype=real)
     vec3 = wp.types.vector(length=3, dtype=real)
@@ -185,7 +188,8 @@ def callables(real: type) -> tuple[Any, Any]:
     ):
         lists = build_lists(rectangles, depths, backgrounds.shape[0], width, height)
         inputs = (width, height, alpha_max, stop, lists.starts, lists.listed, records, colours, backgrounds)
-        _launch_tiles(kernels.forward, lists, *inputs, image, depth, final, last)
+        kernels, strips = _kernels(real, records.device)
+        _launch_tiles(kernels.forward, lists, strips, *inputs, image, depth, final, last)
 
     def splat_backward(
         records: wp.array(dtype=record),
@@ -206,7 +210,9 @@ def callables(real: type) -> tuple[Any, Any]:
         lists = build_lists(rectangles, depths, images, width, height)
         gradients = wp.zeros(lists.listed.shape[0], dtype=gradient, device=records.device)
         inputs = (width, height, alpha_max, lists.starts, lists.listed, records, colours, final, last)
-        _launch_tiles(kernels.backward, lists, *inputs, image_gradient, depth_gradient, final_gradient, gradients)
+        pixels = (image_gradient, depth_gradient, final_gradient)
+        kernels, strips = _kernels(real, records.device)
+        _launch_tiles(kernels.backward, lists, strips, *inputs, *pixels, gradients)
         arguments = [lists.order, lists.counts, lists.offsets, lists.places, gradients, out]
         wp.launch(kernels.reduce, dim=records.shape[0], inputs=arguments, device=records.device)
 

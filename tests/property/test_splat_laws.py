@@ -15,6 +15,7 @@ from aerojax.gaussians.render import expected_depth, render
 from aerojax.gaussians.rotate import transform
 from aerojax.geometry.cameras import look_at
 from kernels import splat_launch
+from kernels.splat_blending import blending_kernels
 from kernels.splat_launch import worker_threads
 
 
@@ -106,6 +107,23 @@ def test_vmap_is_the_loop_and_broadcasting_is_one_launch(monkeypatch):
     assert batch.colour.shape == (2, 3, 36, 44, 3) and batch.dropped.shape == (2, 3)
     alone = drawing()(scenes[1], cameras[2], background=background)
     np.testing.assert_allclose(batch.colour[1, 2], alone.colour, atol=1e-5)
+
+
+def test_single_pixel_strips_as_a_gpu_takes_them_agree(monkeypatch):
+    """The kernels' other shape, run on the CPU: one pixel a thread instead of a tile row."""
+    gaussians, camera = make_gaussians(10, count=150, dtype=np.float32), make_camera(dtype=np.float32)
+
+    def loss(gaussians):
+        image = render(gaussians, camera, background=jnp.array(BACKGROUND))
+        return jnp.sum(image.colour**2) + jnp.sum(image.depth), image
+
+    run = jax.jit(jax.value_and_grad(loss, has_aux=True), compiler_options=QUICK)
+    rows = jax.tree.map(np.asarray, run(gaussians))
+    monkeypatch.setattr(splat_launch, "_kernels", lambda real, device: (blending_kernels(real, 1), 256))
+    pixels = jax.tree.map(np.asarray, run(gaussians))
+    for a, b in zip(jax.tree.leaves(pixels), jax.tree.leaves(rows), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-4 * np.abs(b).max())
+    np.testing.assert_array_equal(pixels[0][1].colour, rows[0][1].colour)
 
 
 def test_single_precision_repeats_bit_for_bit_on_any_number_of_threads():

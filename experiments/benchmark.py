@@ -1,0 +1,43 @@
+"""Measure speed and memory, and print one JSON object: `python -m experiments.benchmark [section …]`."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import platform
+import sys
+from pathlib import Path
+from typing import Any
+
+import jax
+
+SECTIONS = sorted(path.stem for path in (Path(__file__).parent / "benchmarks").glob("[!_]*.py"))
+"""Every module in `experiments/benchmarks` is a section: it has `measure() -> dict`."""
+
+
+def measure(sections: list[str]) -> dict[str, Any]:
+    """Figures by section, and the machine that made them."""
+    machine = {
+        "processor": platform.machine(),
+        "cores": os.cpu_count(),
+        "backend": jax.default_backend(),
+        "jax": jax.__version__,
+        "python": platform.python_version(),
+    }
+    measured = {name: importlib.import_module(f"experiments.benchmarks.{name}").measure() for name in sections}
+    return {"machine": machine, **measured}
+
+
+def main() -> None:
+    """Command line: names of sections, all of them by default."""
+    sections = sys.argv[1:] or SECTIONS
+    unknown = sorted(set(sections) - set(SECTIONS))
+    if unknown:
+        print(f"error: unknown section {', '.join(unknown)}; sections are {', '.join(SECTIONS)}", file=sys.stderr)
+        sys.exit(2)
+    print(json.dumps(measure(sections), indent=2))
+
+
+if __name__ == "__main__":
+    main()

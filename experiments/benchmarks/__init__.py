@@ -1,0 +1,1 @@
+"""Sections of the benchmark: each module has `measure() -> dict`, ready for JSON."""
