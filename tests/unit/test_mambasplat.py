@@ -12,6 +12,7 @@ import pytest
 from clip_examples import logits_of, random_clip
 
 from aerojax.classify.config import MambaSplatConfig, published_config
+from aerojax.classify.cost import published_operations
 from aerojax.classify.mamba import MambaMixer, MambaStack, MambaState, sinusoids
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.classify.predict import classify_next, classify_video, video_vote, window_starts
@@ -174,3 +175,21 @@ def test_configurations_that_contradict_themselves_are_refused():
     with pytest.raises(UserError, match="d_model is 33"):
         MambaSplatConfig(d_model=33)
     assert to_dataclass({"mode": "C_O", "depth": 2}, MambaSplatConfig) == MambaSplatConfig(mode="C_O", depth=2)
+
+
+@pytest.mark.parametrize(
+    ("mode", "frames", "tokens", "billions", "digits"),
+    [
+        ("X", 24, 1024, 103.54, 2),
+        ("C", 24, 1024, 44.42, 2),
+        ("X", 16, 512, 19.51, 2),
+        ("C", 16, 512, 8.39, 2),
+        ("X", 4, 1024, 17.26, 2),
+        ("X", 12, 1024, 51.77, 2),
+        ("C_O", 24, 1024, 59.20, 2),
+        ("C_SH", 24, 1024, 88.76, 2),
+        ("C_S_R", 24, 1024, 44.43, 2),
+    ],
+)
+def test_operations_are_those_of_the_thesis(mode, frames, tokens, billions, digits):
+    assert round(published_operations(published_config(mode), frames, tokens) / 1e9, digits) == billions
