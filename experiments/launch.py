@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import hydra
+import jax
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
@@ -70,6 +71,7 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
         def command() -> None:
             os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
             os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+            keep_compiled_code()
             job.__module__ = "__main__"
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
             try:
@@ -84,6 +86,12 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
         return command
 
     return decorate
+
+
+def keep_compiled_code() -> None:
+    """Let JAX reuse compiled programs from one process to the next (`JAX_COMPILATION_CACHE_DIR` says where)."""
+    default = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "aerojax" / "xla"
+    jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(default)))
 
 
 def provenance(overrides: tuple[str, ...] = ()) -> dict[str, Any]:

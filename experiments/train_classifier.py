@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entro
 from aerojax.types import CLASSES
 from experiments.clip_factory import ClipsConfig, ensure_clips
 from experiments.launch import Run, experiment, provenance, write_json
+from experiments.model_card import model_card
 from experiments.progress import progress_bar
 
 
@@ -102,24 +103,19 @@ def main(config: Config, run: Run) -> None:
             model, _task(config, train, val, report), config.training, seed=config.seed, directory=run.directory
         )
     figures = label_figures(predict(model, test, config.variation.tokens), test.label)
-    minutes = (time.perf_counter() - start) / 60
-    console.print(
-        f"test on {len(set(test.identity))} unseen identities: accuracy {figures['accuracy']:.3f}; {minutes:.1f} min"
-    )
-    results = {
-        "test": figures,
-        "classes": CLASSES,
-        "minutes": minutes,
-        "clips": str(folder),
-        **provenance(run.overrides),
-    }
+    unseen, minutes = len(set(test.identity)), (time.perf_counter() - start) / 60
+    console.print(f"test on {unseen} unseen identities: accuracy {figures['accuracy']:.3f}; {minutes:.1f} minutes")
+    origin = {**provenance(run.overrides), "seed": config.seed, "minutes": minutes, "test_identities": unseen}
+    results = {"test": figures, "classes": CLASSES, "clips": str(folder), **origin}
     write_json(run.directory / "metrics.json", results)
-    settings = {"tokens": config.variation.tokens, "frames": config.variation.frames}
-    notes = {"pipeline": to_mapping(config.clips.pipeline), "reading": settings, "training": asdict(config.training)}
-    header = {
-        name: json.dumps(value) for name, value in {**notes, "test": figures, **provenance(run.overrides)}.items()
-    }
-    save_weights(run.directory / "weights.safetensors", model, metadata=header)
+    reading = {"tokens": config.variation.tokens, "frames": config.variation.frames}
+    notes = {"reading": reading, "pipeline": to_mapping(config.clips.pipeline), "test": figures, **origin}
+    weights = run.directory / "weights.safetensors"
+    save_weights(weights, model, metadata={name: json.dumps(value) for name, value in notes.items()})
+    command = " ".join(["python -m experiments.train_classifier", *run.overrides])
+    size = sum(leaf.size for leaf in jax.tree.leaves(model))
+    weights.with_suffix(".md").write_text(model_card("MambaSplat-4D E(X)", results, command=command, parameters=size))
+    console.print(str(weights), soft_wrap=True)
 
 
 if __name__ == "__main__":
