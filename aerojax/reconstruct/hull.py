@@ -147,8 +147,10 @@ def _surface(
     value = field.reshape(-1)
     steep = jnp.sum(gradient * gradient, axis=-1)
     near = (jnp.abs(value) < 0.87 * cell * jnp.sqrt(steep)) & (steep > 0.01) & (jnp.abs(value) < 0.87 * cell)
-    total = jnp.sum(near)
-    everything = jnp.nonzero(near, size=8 * config.capacity, fill_value=0)[0]
+    # The faces of the largest cube that fits the crop windows have 6 grid² cells within 0.87 cells of them.
+    most = 8 * config.grid**2
+    total = jnp.minimum(jnp.sum(near), most)
+    everything = jnp.nonzero(near, size=most, fill_value=0)[0]
     count = jnp.minimum(total, config.capacity)
     rank = jnp.arange(config.capacity)
     # Even thinning by rank where the surface has more cells than the capacity; padding repeats the first.

@@ -28,7 +28,7 @@ def choose_object(masks: Iterable[Integer[np.ndarray, "height width"]], object_i
                 "object: every mask of the capture is empty; check the masks, or leave them out of the capture"
             )
         return int(np.argmax(totals))
-    if object_id >= len(totals) or totals[object_id] == 0:
+    if not 0 < object_id < len(totals) or totals[object_id] == 0:
         present = ", ".join(str(i) for i in np.flatnonzero(totals)) or "none"
         raise UserError(f"object={object_id} appears in no mask of the capture; present: {present}")
     return object_id

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,23 +56,36 @@ def load_clips(folder: Path, *, frames: int) -> ClipSet:
     """Read every clip of a folder in the order of names, padded with zeros or cut to `frames`.
 
     Raises:
-        UserError: no clips, or one of another class or width.
+        UserError: no clips, or one that is broken, of another class or of another size.
     """
     paths = sorted(folder.glob("*.npz"))
     if not paths:
         raise UserError(f"{folder} holds no clips (*.npz); make them with python -m experiments.generate_clips")
     columns, present, labels, identities = [], [], [], []
     for path in paths:
-        with np.load(path, allow_pickle=False) as stored:
-            clip, label, identity = stored["columns"][:frames], str(stored["label"]), str(stored["identity"])
-        if label not in CLASSES or clip.ndim != 3 or clip.shape[-1] != 14:
-            raise UserError(f"{path} is not a clip of (time, token, 14) with a class of {CLASSES}; make it again")
+        clip, label, identity = _load_clip(path)
+        clip = clip[:frames]
+        if columns and clip.shape[1] != columns[0].shape[1]:
+            raise UserError(
+                f"{path} has {clip.shape[1]} tokens a frame, others have {columns[0].shape[1]}; make it again"
+            )
         padding = frames - len(clip)
         columns.append(np.pad(clip, ((0, padding), (0, 0), (0, 0))))
         present.append(np.arange(frames) < len(clip))
         labels.append(CLASSES.index(label))
         identities.append(identity)
     return ClipSet(np.stack(columns), np.stack(present), np.array(labels), tuple(identities))
+
+
+def _load_clip(path: Path) -> tuple[Float32[np.ndarray, "time token 14"], str, str]:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            clip, label, identity = stored["columns"], str(stored["label"]), str(stored["identity"])
+    except (OSError, EOFError, ValueError, KeyError, AttributeError, zipfile.BadZipFile) as error:
+        raise UserError(f"{path} cannot be read as a clip ({error}); delete it and make it again") from None
+    if label not in CLASSES or clip.ndim != 3 or clip.shape[-1] != 14:
+        raise UserError(f"{path} is not a clip of (time, token, 14) with a class of {CLASSES}; make it again")
+    return clip.astype(np.float32), label, identity
 
 
 def epoch_order(count: int, batch: int, *, seed: int, epoch: int) -> Iterator[Int[np.ndarray, "batch"]]:

@@ -1,0 +1,88 @@
+"""A broken capture ends the command line with code 2 and one clear message, and the folder stays as it was."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import pytest
+from broken_captures import BROKEN, EXPECTED
+
+from aerojax.classify.config import MambaSplatConfig
+from aerojax.classify.mambasplat import MambaSplat
+from aerojax.classify.weights import save_weights
+from experiments import classify
+from experiments.launch import REPOSITORY
+
+AS_PROCESSES = ("no_capture_json", "pose_sheared", "rgb_cut")
+
+
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory) -> Path:
+    """A small untrained classifier: the capture is refused before it is asked."""
+    path = tmp_path_factory.mktemp("weights") / "small.safetensors"
+    model = MambaSplat(MambaSplatConfig(d_model=16, depth=1, mamba_layers=1), key=jax.random.key(0))
+    save_weights(path, model, {"reading": '{"tokens": 16, "frames": 4}'})
+    return path
+
+
+def snapshot(folder: Path) -> dict[str, tuple[object, ...]]:
+    """Names, kinds, times and bytes of everything in a folder; links are not followed."""
+
+    def one(path: Path) -> tuple[object, ...]:
+        if path.is_symlink():
+            return ("link", str(path.readlink()))
+        return ("file", path.stat().st_mtime_ns, path.read_bytes()) if path.is_file() else ("folder",)
+
+    return {str(path.relative_to(folder)): one(path) for path in sorted(folder.rglob("*"))}
+
+
+def arguments(folder: Path, weights: Path, run: Path) -> list[str]:
+    return ["preset=smoke", f"capture={folder}", f"weights={weights}", f"hydra.run.dir={run}"]
+
+
+def check_message(name: str, folder: Path, error: str) -> None:
+    assert error.count("error: ") == 1 and "Traceback" not in error
+    message = error[error.index("error: ") :]
+    assert message.startswith(f"error: capture {folder} has ")
+    assert all(words in message for words in EXPECTED[name]), message
+    # One line for the capture and one for each problem, nothing else.
+    head, *problems = message.rstrip("\n").splitlines()
+    assert len(problems) == int(head.split(" has ")[1].split()[0]) and all(p.startswith("  ") for p in problems)
+
+
+@pytest.mark.parametrize("name", [n for n in BROKEN if n not in AS_PROCESSES])
+def test_refused_by_the_command(name, weights, tmp_path, monkeypatch, capsys):
+    folder = tmp_path / "capture"
+    folder.mkdir()
+    BROKEN[name](folder)
+    before = snapshot(folder)
+    monkeypatch.setattr(sys, "argv", ["classify.py", *arguments(folder, weights, tmp_path / "run")])
+    with pytest.raises(SystemExit) as ended:
+        classify.main()
+    assert ended.value.code == 2
+    output = capsys.readouterr()
+    check_message(name, folder, output.err)
+    assert output.out == ""
+    assert snapshot(folder) == before
+    assert not (tmp_path / "run/result.json").exists()
+
+
+@pytest.mark.parametrize("name", AS_PROCESSES)
+def test_refused_by_the_process(name, weights, tmp_path):
+    folder = tmp_path / "capture"
+    folder.mkdir()
+    BROKEN[name](folder)
+    before = snapshot(folder)
+    command = [sys.executable, "-m", "experiments.classify", *arguments(folder, weights, tmp_path / "run")]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    check_message(name, folder, done.stderr)
+    assert done.stdout == ""
+    assert snapshot(folder) == before
+
+
+def test_there_are_many_ways_to_break_a_capture():
+    assert len(BROKEN) >= 25

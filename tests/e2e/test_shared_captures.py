@@ -1,0 +1,72 @@
+"""The shipped classifier on captures that another renderer made from third-party models."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from aerojax.capture.format import read_capture
+from aerojax.classify.weights import load_metadata, load_weights
+from aerojax.config import to_dataclass
+from aerojax.evaluate.labels import confusion_matrix
+from aerojax.pipeline import PipelineConfig, probabilities_so_far, reconstruct_capture
+from aerojax.types import CLASSES
+from experiments import classify
+from experiments.classify import PRETRAINED
+
+FRAMES = 12  # of 24: half the time, and about the length that training saw
+NEEDED = 6  # of 8 captures
+
+
+@pytest.fixture
+def captures(shared):
+    if not PRETRAINED.is_file():
+        pytest.skip(f"no shipped weights at {PRETRAINED}")
+    folders = sorted(p.parent for p in (shared / "data/captures").glob("*/capture.json"))
+    if not folders:
+        pytest.skip(f"no captures in {shared / 'data/captures'}")
+    return [read_capture(folder) for folder in folders]
+
+
+@pytest.mark.slow
+def test_most_reference_captures_are_told_right(captures, tmp_path):
+    model, notes = load_weights(PRETRAINED), load_metadata(PRETRAINED)
+    config = to_dataclass(json.loads(notes["pipeline"]), PipelineConfig, source=str(PRETRAINED))
+    tokens = json.loads(notes["reading"])["tokens"]
+    truths, guesses, rows = [], [], {}
+    for capture in captures:
+        clip = reconstruct_capture(replace(capture, frames=FRAMES), config, key=jax.random.key(0))
+        answer = np.asarray(probabilities_so_far(model, clip.gaussians.columns(), tokens=tokens))[-1]
+        assert answer.sum() == pytest.approx(1.0, abs=1e-5)
+        truths.append(CLASSES.index(capture.truth.objects[0].class_name))
+        guesses.append(int(np.argmax(answer)))
+        rows[capture.folder.name] = {
+            "probabilities": dict(zip(CLASSES, answer.tolist(), strict=True)),
+            "right": truths[-1] == guesses[-1],
+            "frames": len(clip.frames),
+        }
+    confusion = confusion_matrix(np.array(guesses), np.array(truths), len(CLASSES))
+    report = {"classes": CLASSES, "confusion": confusion.tolist(), "captures": rows}
+    (tmp_path / "shared_captures.json").write_text(json.dumps(report, indent=1))
+    print(json.dumps(report, indent=1))
+    assert int(np.trace(confusion)) >= NEEDED
+
+
+def test_the_command_writes_result_and_report(captures, tmp_path, monkeypatch, capsys):
+    capture = captures[0]
+    arguments = [f"capture={capture.folder}", "preset=smoke", f"hydra.run.dir={tmp_path}/run"]
+    monkeypatch.setattr(sys, "argv", ["classify.py", *arguments])
+    classify.main()
+    result = json.loads((tmp_path / "run/result.json").read_text())
+    assert result["label"] in CLASSES and sum(result["probabilities"].values()) == pytest.approx(1.0, abs=1e-5)
+    assert len(result["track"]) == len(result["frames"]) <= capture.frames
+    truth = np.array([state.position for state in capture.truth.objects[0].frames])[result["frames"]]
+    track = np.array([row["position"] for row in result["track"]])
+    assert np.median(np.linalg.norm(track - truth, axis=1)) < 0.15  # metres; the object measures one
+    assert "<html" in (tmp_path / "run/report.html").read_text()
+    assert result["label"] in capsys.readouterr().out

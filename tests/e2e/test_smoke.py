@@ -1,0 +1,112 @@
+"""Every experiment at its smallest, one after the other: clips, training, classification."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from aerojax.classify.weights import load_metadata, load_weights
+from aerojax.training.data import load_clips
+from aerojax.types import CLASSES
+from experiments import classify, generate_clips, train_classifier
+
+FEWER = ("splits.train.identities=1", "splits.val.identities=1", "splits.test.identities=1")
+
+
+def call(act, monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", [f"{act.__name__.split('.')[-1]}.py", "preset=smoke", *arguments])
+    act.main()
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory) -> Path:
+    return tmp_path_factory.mktemp("smoke")
+
+
+@pytest.fixture(scope="module")
+def monkeymodule():
+    with pytest.MonkeyPatch.context() as patch:
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def clips(place, monkeymodule) -> Path:
+    """The folder of clips that `generate_clips` made."""
+    where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/generate")
+    call(generate_clips, monkeymodule, *FEWER, *where)
+    return Path(json.loads((place / "generate/metrics.json").read_text())["folder"])
+
+
+@pytest.fixture(scope="module")
+def trained(place, clips, monkeymodule) -> Path:
+    """The run directory of `train_classifier` on those clips."""
+    where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/train")
+    call(train_classifier, monkeymodule, *(f"clips.{f}" for f in FEWER), *where)
+    return place / "train"
+
+
+@pytest.mark.slow
+def test_clips_are_made_whole(clips):
+    manifest = json.loads((clips / "manifest.json").read_text())
+    assert manifest["splits"]["train"] == {"identities": 1, "sequences": 1}
+    for split in ("train", "val", "test"):
+        made = load_clips(clips / split, frames=4)
+        assert sorted(made.label.tolist()) == [0, 1, 2, 3]
+        assert made.columns.shape[1:] == (4, 512, 14) and made.present.any(axis=1).all()
+        assert np.isfinite(made.columns).all()
+        real = made.columns[made.present]
+        assert (real[..., 7:10] > 0).all() and ((real[..., 10] > 0) & (real[..., 10] <= 1)).all()
+        np.testing.assert_allclose(np.linalg.norm(real[..., 3:7], axis=-1), 1.0, atol=1e-5)
+        # One metre across, wherever it flies.
+        spread = np.linalg.norm(real[..., :3] - real[..., :3].mean(axis=1, keepdims=True), axis=-1).max(axis=1)
+        assert 0.3 < np.median(spread) < 0.9
+
+
+@pytest.mark.slow
+def test_a_clip_that_is_lost_is_made_again_with_the_same_bytes(clips, place, monkeypatch):
+    lost = sorted((clips / "val").glob("*.npz"))[0]
+    before, others = np.load(lost), {p: p.stat().st_mtime_ns for p in clips.glob("*/*.npz") if p != lost}
+    columns = before["columns"]
+    lost.unlink()
+    where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/again")
+    call(generate_clips, monkeypatch, *FEWER, *where)
+    np.testing.assert_array_equal(np.load(lost)["columns"], columns)
+    assert {p: p.stat().st_mtime_ns for p in others} == others
+
+
+@pytest.mark.slow
+def test_training_writes_weights_that_read_back(trained, clips):
+    results = json.loads((trained / "metrics.json").read_text())
+    assert results["clips"] == str(clips) and results["test"]["clips"] == 4
+    assert len((trained / "history.jsonl").read_text().splitlines()) == 1
+    weights = trained / "weights.safetensors"
+    model, notes = load_weights(weights), load_metadata(weights)
+    assert json.loads(notes["reading"]) == {"tokens": 32, "frames": 4}
+    test = load_clips(clips / "test", frames=4)
+    again = train_classifier.predict(model, test, 32)
+    nll = -again[np.arange(4), test.label].mean()
+    assert nll == pytest.approx(results["test"]["nll"], rel=1e-4)
+    assert bool(jnp.isfinite(jnp.asarray(again)).all())
+
+
+@pytest.mark.slow
+def test_the_sample_is_classified_with_those_weights(trained, place, monkeypatch, capsys):
+    where = (f"sample.folder={place}/samples", f"assets={place}/assets", f"hydra.run.dir={place}/classify")
+    call(classify, monkeypatch, f"weights={trained}/weights.safetensors", *where)
+    result = json.loads((place / "classify/result.json").read_text())
+    assert set(result["probabilities"]) == set(CLASSES)
+    assert result["label"] == max(result["probabilities"], key=result["probabilities"].get)
+    assert len(result["frames"]) + len(result["dropped"]) == 4
+    truth = json.loads((Path(result["capture"]) / "truth.json").read_text())["objects"][0]["frames"]
+    for row in result["track"]:
+        assert np.linalg.norm(np.array(row["position"]) - truth[row["frame"]]["position"]) < 0.3
+    page = (place / "classify/report.html").read_text()
+    assert "<html" in page and "http://" not in page.replace("http://www.w3.org", "")
+    assert "truth: drone" in capsys.readouterr().out
+    shutil.rmtree(place / "samples")
