@@ -13,7 +13,7 @@ def background(frames: list[Float[np.ndarray, "height width 3"]]) -> Float[np.nd
 
 
 def motion_mask(
-    image: Float[np.ndarray, "height width 3"], still: Float[np.ndarray, "height width 3"], *, threshold: float = 0.06
+    image: Float[np.ndarray, "height width 3"], still: Float[np.ndarray, "height width 3"], *, threshold: float = 0.03
 ) -> Integer[np.ndarray, "height width"]:
     """The largest connected region that differs from the background: 1 inside, 0 outside.
 
@@ -30,4 +30,18 @@ def motion_mask(
     if count < 2:
         return np.zeros(moving.shape, np.uint16)
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
-    return ((labels == largest) & (moving > 0)).astype(np.uint16)
+    return _without_halo(((labels == largest) & (moving > 0)).astype(np.uint8), difference).astype(np.uint16)
+
+
+def _without_halo(
+    found: Integer[np.ndarray, "height width"], difference: Float[np.ndarray, "height width"]
+) -> Integer[np.ndarray, "height width"]:
+    """Drop rim pixels that differ far less than a neighbour does.
+
+    The object covers only part of them: a faint threshold takes in pixels of a tenth's coverage where the contrast is
+    strong. Comparing with the neighbourhood asks for about 0.4 whatever the contrast, and keeps rods one pixel wide.
+    """
+    square = np.ones((3, 3), np.uint8)
+    core = cv2.erode(found, square)
+    solid = difference > 0.4 * cv2.dilate(difference, square)
+    return np.where(solid, found, core)

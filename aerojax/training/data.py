@@ -79,7 +79,7 @@ def load_clips(folder: Path, *, frames: int) -> ClipSet:
 
 def _load_clip(path: Path) -> tuple[Float32[np.ndarray, "time token 14"], str, str]:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             clip, label, identity = stored["columns"], str(stored["label"]), str(stored["identity"])
     except (OSError, EOFError, ValueError, KeyError, AttributeError, zipfile.BadZipFile) as error:
         raise UserError(f"{path} cannot be read as a clip ({error}); delete it and make it again") from None

@@ -61,7 +61,7 @@ def fit(model: _Model, task: Fit, config: TrainingConfig, *, seed: int, director
     """
     optimiser = adamw(config.optimiser, config.epochs * task.steps_per_epoch)
     update = _update_step(task.loss, optimiser)
-    state = (model, optimiser.init(model), model, np.array(-1.0))  # pyrefly: ignore
+    state = (model, optimiser.init(model), model, np.array(-np.inf))  # pyrefly: ignore
     checkpoints, history = directory / "checkpoints", directory / "history.jsonl"
     done = latest_step(checkpoints)
     if done is not None:
