@@ -156,6 +156,20 @@ def reconstruct_capture(
     )
 
 
+def frame_images(capture: Capture, frame: int, config: PipelineConfig, *, object_id: int | None = None) -> FrameImages:
+    """What the cameras of one frame saw of the object, as `reconstruct_capture` cuts it out.
+
+    Raises:
+        UserError: if there is no such frame, or fewer than `config.min_views` cameras see the whole object in it.
+    """
+    if not 0 <= frame < capture.frames:
+        raise UserError(f"frame={frame}: {capture.folder} has frames 0 to {capture.frames - 1}")
+    seen = _see(capture, _MaskSource(capture, object_id), frame, config, Stopwatch())
+    if isinstance(seen, str):
+        raise UserError(f"{capture.folder}: frame {frame}: {seen}")
+    return seen
+
+
 class _MaskSource:
     """Masks of one object: the capture's own where it has them, else motion against a static background."""
 
@@ -260,9 +274,14 @@ def _decimate(gaussians: Gaussians, count: Array, key: Array, config: Decimation
     return decimate(gaussians, count=count, key=key, config=config)
 
 
-@partial(jax.jit, static_argnames="tokens")
+@partial(jax.jit, static_argnames=("tokens", "readings"))
 def probabilities_so_far(
-    model: MambaSplat, columns: Float[Array, "time token 14"], *, tokens: int
+    model: MambaSplat,
+    columns: Float[Array, "time token 14"],
+    present: Bool[Array, "time"] | None = None,
+    *,
+    tokens: int,
+    readings: int = 4,
 ) -> Float[Array, "time label"]:
     """Class probabilities after each frame of a clip; the last row is the answer.
 
@@ -270,10 +289,20 @@ def probabilities_so_far(
 
     Args:
         model: an exact-variant classifier.
-        columns: attributes of decimated Gaussians, metres, world frame.
-        tokens: how many of each frame's Gaussians are read; they are in random order.
+        columns: attributes of decimated Gaussians, metres, world frame, in random order within a frame.
+        present: frames that are real; all if None.
+        tokens: how many of each frame's Gaussians one reading sees, as in training.
+        readings: disjoint groups of tokens whose probabilities are averaged, as far as there are enough tokens.
     """
-    features, valid = model.frame_features(columns[:, :tokens], jnp.ones((columns.shape[0], tokens), bool))
+    groups = max(1, min(readings, columns.shape[1] // tokens))
+    size = min(tokens, columns.shape[1])
     time = jnp.arange(columns.shape[0])
-    prefixes = valid & (time[None, :] <= time[:, None])
-    return jax.nn.softmax(jax.vmap(lambda mask: model.head(model.embed(features, mask)))(prefixes))
+    real = jnp.ones(columns.shape[0], bool) if present is None else present
+
+    def read(group: Float[Array, "time some 14"]) -> Float[Array, "time label"]:
+        features, valid = model.frame_features(group, jnp.broadcast_to(real[:, None], group.shape[:2]))
+        prefixes = valid & (time[None, :] <= time[:, None])
+        return jax.nn.softmax(jax.vmap(lambda mask: model.head(model.embed(features, mask)))(prefixes))
+
+    split = columns[:, : groups * size].reshape(columns.shape[0], groups, size, 14)
+    return jnp.mean(jax.vmap(read, in_axes=1)(split), axis=0)

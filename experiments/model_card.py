@@ -1,10 +1,28 @@
-"""The card that lies beside trained weights: which command made them and how good they are."""
+"""Trained weights on disk, and the card beside them: which command made them and how good they are."""
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
+import jax
+
+from aerojax.classify.mambasplat import MambaSplat
+from aerojax.classify.weights import save_weights
 from aerojax.types import CLASSES
+
+
+def keep_model(
+    directory: Path, model: MambaSplat, notes: dict[str, Any], results: dict[str, Any], *, command: str
+) -> Path:
+    """Write `weights.safetensors`, with `notes` as JSON in its header, and `weights.md`; return the weights' path."""
+    weights = directory / "weights.safetensors"
+    save_weights(weights, model, metadata={name: json.dumps(value) for name, value in notes.items()})
+    size = sum(leaf.size for leaf in jax.tree.leaves(model))
+    card = model_card(f"MambaSplat-4D E({model.config.mode})", results, command=command, parameters=size)
+    weights.with_suffix(".md").write_text(card)
+    return weights
 
 
 def model_card(name: str, results: dict[str, Any], *, command: str, parameters: int) -> str:
@@ -26,11 +44,13 @@ def model_card(name: str, results: dict[str, Any], *, command: str, parameters: 
         f"# {name}",
         "",
         f"MambaSplat-4D classifier, exact variant, {parameters:,} parameters; input: clips of visual-hull Gaussians.",
-        f"Made by `{command}` (seed {results['seed']}, commit {results['commit']}) in {results['minutes']:.0f} minutes, clips",
-        f"included, on {machine['cpus']} CPU cores. Trained on simulated identities only; licence Apache-2.0.",
+        f"Made by `{command}`",
+        f"(seed {results['seed']}, commit {results['commit']})",
+        f"in {results['minutes']:.0f} minutes on {machine['cpus']} CPU cores.",
+        "Trained on simulated identities only. Licence: Apache-2.0.",
         "",
-        f"Test: {test['clips']} clips of {results['test_identities']} simulated identities of families that training never",
-        f"saw: accuracy {_share(test['accuracy'])}, macro-F1 {_share(test['macro_f1'])}.",
+        f"Test on {test['clips']} clips of {results['test_identities']} simulated identities, of families that",
+        f"training never saw: accuracy {_share(test['accuracy'])}, macro-F1 {_share(test['macro_f1'])}.",
         "",
         "| class | recall |",
         "|---|---|",

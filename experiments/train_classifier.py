@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from functools import partial
@@ -16,15 +15,15 @@ from rich.console import Console
 
 from aerojax.classify.config import MambaSplatConfig
 from aerojax.classify.mambasplat import MambaSplat
-from aerojax.classify.weights import save_weights
 from aerojax.config import to_mapping
 from aerojax.evaluate.labels import label_figures
+from aerojax.pipeline import probabilities_so_far
 from aerojax.training.data import ClipSet, VariationConfig, epoch_order, load_clips, vary_clip
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
 from aerojax.types import CLASSES
 from experiments.clip_factory import ClipsConfig, ensure_clips
 from experiments.launch import Run, experiment, provenance, write_json
-from experiments.model_card import model_card
+from experiments.model_card import keep_model
 from experiments.progress import progress_bar
 
 
@@ -43,19 +42,19 @@ class Config:
     training: TrainingConfig
 
 
-@partial(jax.jit, static_argnames="tokens")
-def _log_probabilities(model: MambaSplat, columns: jax.Array, present: jax.Array, tokens: int) -> jax.Array:
-    mask = jnp.broadcast_to(present[..., None], (*present.shape, tokens))
-    return jax.nn.log_softmax(jax.vmap(model)(columns[:, :, :tokens], mask))
+@partial(jax.jit, static_argnames=("tokens", "readings"))
+def _probabilities(model: MambaSplat, columns: jax.Array, present: jax.Array, tokens: int, readings: int) -> jax.Array:
+    one = partial(probabilities_so_far, model, tokens=tokens, readings=readings)
+    return jax.vmap(lambda c, p: one(c, p)[-1])(columns, present)
 
 
-def predict(model: MambaSplat, clips: ClipSet, tokens: int, *, batch: int = 32) -> np.ndarray:
-    """Log-probabilities (clip, class) of whole clips with their first `tokens` tokens a frame."""
+def predict(model: MambaSplat, clips: ClipSet, tokens: int, *, readings: int = 1, batch: int = 32) -> np.ndarray:
+    """Log-probabilities (clip, class) of whole clips, read as the pipeline reads them."""
     parts = []
     for start in range(0, len(clips.label), batch):
         index = np.arange(start, start + batch) % len(clips.label)  # one shape, one compilation
-        parts.append(_log_probabilities(model, clips.columns[index], clips.present[index], tokens))
-    return np.concatenate(parts)[: len(clips.label)]
+        parts.append(_probabilities(model, clips.columns[index], clips.present[index], tokens, readings))
+    return np.log(np.maximum(np.concatenate(parts)[: len(clips.label)], 1e-12))
 
 
 def _task(config: Config, train: ClipSet, val: ClipSet, report: Any) -> Fit:
@@ -102,7 +101,7 @@ def main(config: Config, run: Run) -> None:
         model = fit(
             model, _task(config, train, val, report), config.training, seed=config.seed, directory=run.directory
         )
-    figures = label_figures(predict(model, test, config.variation.tokens), test.label)
+    figures = label_figures(predict(model, test, config.variation.tokens, readings=4), test.label)
     unseen, minutes = len(set(test.identity)), (time.perf_counter() - start) / 60
     console.print(f"test on {unseen} unseen identities: accuracy {figures['accuracy']:.3f}; {minutes:.1f} minutes")
     origin = {**provenance(run.overrides), "seed": config.seed, "minutes": minutes, "test_identities": unseen}
@@ -110,12 +109,8 @@ def main(config: Config, run: Run) -> None:
     write_json(run.directory / "metrics.json", results)
     reading = {"tokens": config.variation.tokens, "frames": config.variation.frames}
     notes = {"reading": reading, "pipeline": to_mapping(config.clips.pipeline), "test": figures, **origin}
-    weights = run.directory / "weights.safetensors"
-    save_weights(weights, model, metadata={name: json.dumps(value) for name, value in notes.items()})
     command = " ".join(["python -m experiments.train_classifier", *run.overrides])
-    size = sum(leaf.size for leaf in jax.tree.leaves(model))
-    weights.with_suffix(".md").write_text(model_card("MambaSplat-4D E(X)", results, command=command, parameters=size))
-    console.print(str(weights), soft_wrap=True)
+    console.print(str(keep_model(run.directory, model, notes, results, command=command)), soft_wrap=True)
 
 
 if __name__ == "__main__":

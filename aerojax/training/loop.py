@@ -24,11 +24,16 @@ Loss = Callable[[Any, Any, Any], jax.Array]
 
 @dataclass(frozen=True)
 class TrainingConfig:
-    """Length and rhythm of a run."""
+    """Length and rhythm of a run.
+
+    average: decay a step of the moving average of the weights, which is what is validated and kept; 0 keeps the
+        weights themselves (Polyak & Juditsky 1992).
+    """
 
     epochs: int = 40
     batch: int = 16
     label_smoothing: float = 0.1
+    average: float = 0.98
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
 
 
@@ -60,40 +65,45 @@ def fit(model: _Model, task: Fit, config: TrainingConfig, *, seed: int, director
         UserError: the loss is not finite; the last good checkpoint stays.
     """
     optimiser = adamw(config.optimiser, config.epochs * task.steps_per_epoch)
-    update = _update_step(task.loss, optimiser)
-    state = (model, optimiser.init(model), model, np.array(-np.inf))  # pyrefly: ignore
+    update = _update_step(task.loss, optimiser, config.average)
+    state = (model, optimiser.init(model), model, model, np.array(-np.inf))  # pyrefly: ignore
     checkpoints, history = directory / "checkpoints", directory / "history.jsonl"
     done = latest_step(checkpoints)
     if done is not None:
         state = restore_state(checkpoints, done, state)
         _trim(history, done)
     for epoch in range(done or 0, config.epochs):
-        current, moments, best, score = state
+        current, moments, average, best, score = state
         losses = []
         for index, batch in enumerate(task.batches(epoch)):
-            key = jax.random.fold_in(jax.random.key(seed), epoch * task.steps_per_epoch + index)
-            current, moments, loss = update(current, moments, batch, key)
+            step = epoch * task.steps_per_epoch + index
+            key = jax.random.fold_in(jax.random.key(seed), step)
+            current, moments, average, loss = update(current, moments, average, batch, key, np.int32(step))
             losses.append(loss)
         mean = float(jnp.mean(jnp.stack(losses)))
         if not np.isfinite(mean):
             raise UserError(f"the loss is not finite in epoch {epoch + 1}; lower training.optimiser.learning_rate")
-        row = {"epoch": epoch + 1, "loss": mean, **task.validate(current)}
+        row = {"epoch": epoch + 1, "loss": mean, **task.validate(average)}
         if row["score"] > float(score):
-            best, score = current, np.array(row["score"])
-        state = (current, moments, best, score)
+            best, score = average, np.array(row["score"])
+        state = (current, moments, average, best, score)
         save_state(checkpoints, epoch + 1, state)
         with history.open("a") as file:
             file.write(json.dumps(row) + "\n")
         task.report(row)
-    return state[2]
+    return state[3]
 
 
-def _update_step(loss: Loss, optimiser: optax.GradientTransformation) -> Callable[..., Any]:
+def _update_step(loss: Loss, optimiser: optax.GradientTransformation, decay: float) -> Callable[..., Any]:
     @jax.jit
-    def update(model: Any, moments: Any, batch: Any, key: Any) -> tuple[Any, Any, jax.Array]:
+    def update(model: Any, moments: Any, average: Any, batch: Any, key: Any, step: Any) -> tuple[Any, ...]:
         value, gradient = jax.value_and_grad(loss)(model, batch, key)
         change, moments = optimiser.update(gradient, moments, model)
-        return optax.apply_updates(model, change), moments, value
+        model = optax.apply_updates(model, change)
+        # Short memory at first, so that the initial weights do not linger.
+        share = 1 - jnp.minimum(decay, step / (step + 10))
+        average = jax.tree.map(lambda old, new: old + share * (new - old), average, model)
+        return model, moments, average, value
 
     return update
 

@@ -97,8 +97,9 @@ def test_the_best_model_is_returned(tmp_path):
     with pytest.raises(Killed):
         fit(start(), task(die_after=2)[0], CONFIG, seed=3, directory=tmp_path / "two")
     optimiser = adamw(CONFIG.optimiser, CONFIG.epochs * 5)
-    like = (start(), optimiser.init(start()), start(), np.array(-np.inf))
-    assert same(best, restore_state(tmp_path / "two/checkpoints", 2, like)[0])
+    like = (start(), optimiser.init(start()), start(), start(), np.array(-np.inf))
+    average = restore_state(tmp_path / "two/checkpoints", 2, like)[2]
+    assert same(best, average)
 
 
 def test_a_loss_that_is_no_number_ends_the_run_and_leaves_the_checkpoint(tmp_path):
