@@ -1,0 +1,62 @@
+"""Photometric losses between images: L1 with structural dissimilarity, and PSNR on the object."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+WINDOW = 11
+SIGMA = 1.5
+"""Window of SSIM, pixels (Wang et al. 2004, §III-B)."""
+C1, C2 = 0.01**2, 0.03**2
+"""Stabilisers of SSIM for values in 0..1."""
+
+
+def _blur(images: Float[Array, "plane height width"]) -> Float[Array, "plane h w"]:
+    """Weighted means over all windows that lie inside the image."""
+    offset = np.arange(WINDOW) - WINDOW // 2
+    kernel = np.exp(-0.5 * (offset / SIGMA) ** 2)
+    weights = jnp.asarray(kernel / kernel.sum(), images.dtype)
+    rows = jax.lax.conv(images[:, None], weights[None, None, :, None], (1, 1), "VALID")
+    return jax.lax.conv(rows, weights[None, None, None, :], (1, 1), "VALID")[:, 0]
+
+
+def structural_similarity(
+    a: Float[Array, "*batch height width 3"], b: Float[Array, "*batch height width 3"]
+) -> Float[Array, ""]:
+    """Mean SSIM of images in 0..1 over all windows, channels and images (Wang et al. 2004, Eq. 13).
+
+    Both sides must be at least 11 pixels.
+    """
+    planes = [jnp.moveaxis(x, -1, -3).reshape(-1, *x.shape[-3:-1]) for x in (a, b)]
+    x, y = planes
+    mean_x, mean_y = _blur(x), _blur(y)
+    variance_x, variance_y = _blur(x * x) - mean_x**2, _blur(y * y) - mean_y**2
+    covariance = _blur(x * y) - mean_x * mean_y
+    luminance = (2 * mean_x * mean_y + C1) / (mean_x**2 + mean_y**2 + C1)
+    structure = (2 * covariance + C2) / (variance_x + variance_y + C2)
+    return jnp.mean(luminance * structure)
+
+
+def photometric_loss(
+    predicted: Float[Array, "*batch height width 3"],
+    target: Float[Array, "*batch height width 3"],
+    *,
+    dissimilarity: float = 0.2,
+) -> Float[Array, ""]:
+    """(1 - λ)·mean |C_pred - C_gt| + λ·(1 - SSIM) (thesis Eq. 3.9; Kerbl et al. 2023, Eq. 7)."""
+    absolute = jnp.mean(jnp.abs(predicted - target))
+    return (1 - dissimilarity) * absolute + dissimilarity * (1 - structural_similarity(predicted, target))
+
+
+def foreground_psnr(
+    predicted: Float[Array, "*batch height width 3"],
+    target: Float[Array, "*batch height width 3"],
+    mask: Float[Array, "*batch height width"],
+) -> Float[Array, ""]:
+    """Peak signal-to-noise ratio, dB, over the pixels that the object covers by more than half; peak 1."""
+    inside = (mask > 0.5)[..., None]
+    squares = jnp.sum(jnp.where(inside, (predicted - target) ** 2, 0.0))
+    return -10 * jnp.log10(squares / jnp.maximum(3 * jnp.sum(inside), 1) + 1e-12)
