@@ -19,7 +19,7 @@ run: venv
 	$(PY) -m experiments.classify
 
 test: venv
-	$(PY) -m pytest
+	$(PY) -m pytest -n auto --dist loadfile
 
 check: venv
 	$(VENV)/bin/ruff format --check .
