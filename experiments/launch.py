@@ -20,7 +20,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import hydra
 import jax
@@ -59,26 +59,28 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
         name = Path(inspect.getfile(act)).stem
 
         def job(cfg: DictConfig) -> None:
-            values = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
-            config = to_dataclass(values, config_type, source=f"conf/{name}.yaml")  # type: ignore[arg-type]
-            settings = HydraConfig.get()
-            directory = Path(settings.runtime.output_dir)
-            run = Run(directory=directory, name=name, overrides=tuple(settings.overrides.task))
-            write_json(directory / "run.json", {**provenance(run.overrides), "experiment": name, "config": values})
-            act(config, run)
+            try:
+                values = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+                config = to_dataclass(values, config_type, source=f"conf/{name}.yaml")  # type: ignore[arg-type]
+                settings = HydraConfig.get()
+                directory = Path(settings.runtime.output_dir)
+                run = Run(directory=directory, name=name, overrides=tuple(settings.overrides.task))
+                write_json(directory / "run.json", {**provenance(run.overrides), "experiment": name, "config": values})
+                act(config, run)
+            except (UserError, OmegaConfBaseException) as error:
+                _refuse(error)  # here, because Hydra announces every exception that reaches it with a line of its own
 
         @functools.wraps(act)
         def command() -> None:
             os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
             os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
             keep_compiled_code()
-            job.__module__ = "__main__"
+            job.__module__ = f"experiments.{name}"  # names the run; this file would otherwise
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
             try:
                 entry()
-            except (UserError, HydraException, OmegaConfBaseException) as error:
-                print(f"error: {error}", file=sys.stderr)
-                sys.exit(2)
+            except (HydraException, OmegaConfBaseException) as error:
+                _refuse(error)
             except KeyboardInterrupt:
                 print("interrupted", file=sys.stderr)
                 sys.exit(130)
@@ -92,6 +94,11 @@ def keep_compiled_code() -> None:
     """Let JAX reuse compiled programs from one process to the next (`JAX_COMPILATION_CACHE_DIR` says where)."""
     default = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "aerojax" / "xla"
     jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(default)))
+
+
+def _refuse(error: Exception) -> NoReturn:
+    print(f"error: {error}", file=sys.stderr)
+    sys.exit(2)
 
 
 def provenance(overrides: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 
 import jax
 import numpy as np
 import pytest
+from command_line import run_command
 
 from aerojax.capture.format import read_capture
 from aerojax.classify.weights import load_metadata, load_weights
@@ -60,8 +60,7 @@ def test_most_reference_captures_are_told_right(captures, tmp_path):
 def test_the_command_writes_result_and_report(captures, tmp_path, monkeypatch, capsys):
     capture = captures[0]
     arguments = [f"capture={capture.folder}", "preset=smoke", f"hydra.run.dir={tmp_path}/run"]
-    monkeypatch.setattr(sys, "argv", ["classify.py", *arguments])
-    classify.main()
+    run_command(classify, monkeypatch, *arguments)
     result = json.loads((tmp_path / "run/result.json").read_text())
     assert result["label"] in CLASSES and sum(result["probabilities"].values()) == pytest.approx(1.0, abs=1e-5)
     assert len(result["track"]) == len(result["frames"]) <= capture.frames

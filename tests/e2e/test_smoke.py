@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from command_line import run_command
 
 from aerojax.classify.weights import load_metadata, load_weights
 from aerojax.training.data import load_clips
@@ -17,11 +17,6 @@ from aerojax.types import CLASSES
 from experiments import classify, generate_clips, train_classifier
 
 FEWER = ("splits.train.identities=1", "splits.val.identities=1", "splits.test.identities=1")
-
-
-def call(act, monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", [f"{act.__name__.split('.')[-1]}.py", "preset=smoke", *arguments])
-    act.main()
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +34,7 @@ def monkeymodule():
 def clips(place, monkeymodule) -> Path:
     """The folder of clips that `generate_clips` made."""
     where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/generate")
-    call(generate_clips, monkeymodule, *FEWER, *where)
+    run_command(generate_clips, monkeymodule, "preset=smoke", *FEWER, *where)
     return Path(json.loads((place / "generate/metrics.json").read_text())["folder"])
 
 
@@ -47,7 +42,7 @@ def clips(place, monkeymodule) -> Path:
 def trained(place, clips, monkeymodule) -> Path:
     """The run directory of `train_classifier` on those clips."""
     where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/train")
-    call(train_classifier, monkeymodule, *(f"clips.{f}" for f in FEWER), *where)
+    run_command(train_classifier, monkeymodule, "preset=smoke", *(f"clips.{f}" for f in FEWER), *where)
     return place / "train"
 
 
@@ -75,7 +70,7 @@ def test_a_clip_that_is_lost_is_made_again_with_the_same_bytes(clips, place, mon
     columns = before["columns"]
     lost.unlink()
     where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/again")
-    call(generate_clips, monkeypatch, *FEWER, *where)
+    run_command(generate_clips, monkeypatch, "preset=smoke", *FEWER, *where)
     np.testing.assert_array_equal(np.load(lost)["columns"], columns)
     assert {p: p.stat().st_mtime_ns for p in others} == others
 
@@ -98,7 +93,7 @@ def test_training_writes_weights_that_read_back(trained, clips):
 @pytest.mark.slow
 def test_the_sample_is_classified_with_those_weights(trained, place, monkeypatch, capsys):
     where = (f"sample.folder={place}/samples", f"assets={place}/assets", f"hydra.run.dir={place}/classify")
-    call(classify, monkeypatch, f"weights={trained}/weights.safetensors", *where)
+    run_command(classify, monkeypatch, "preset=smoke", f"weights={trained}/weights.safetensors", *where)
     result = json.loads((place / "classify/result.json").read_text())
     assert set(result["probabilities"]) == set(CLASSES)
     assert result["label"] == max(result["probabilities"], key=result["probabilities"].get)

@@ -7,14 +7,10 @@ import subprocess
 import sys
 
 import pytest
+from command_line import run_command
 
 from experiments import classify, launch
 from experiments.launch import REPOSITORY, provenance, write_json
-
-
-def call(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["classify.py", *arguments])
-    classify.main()
 
 
 def process(*arguments):
@@ -48,7 +44,9 @@ def test_json_appears_whole(tmp_path):
 def test_a_run_remembers_how_it_was_started(monkeypatch, tmp_path, capsys):
     weights = tmp_path / "none.safetensors"
     with pytest.raises(SystemExit) as ended:
-        call(monkeypatch, "preset=smoke", "seed=4", f"weights={weights}", f"hydra.run.dir={tmp_path}/run")
+        run_command(
+            classify, monkeypatch, "preset=smoke", "seed=4", f"weights={weights}", f"hydra.run.dir={tmp_path}/run"
+        )
     assert ended.value.code == 2
     error = capsys.readouterr().err
     assert error == f"error: weights file {weights} does not exist; train a model or correct the path\n"
@@ -73,7 +71,7 @@ def test_a_run_remembers_how_it_was_started(monkeypatch, tmp_path, capsys):
 )
 def test_a_wrong_override_is_one_message(monkeypatch, tmp_path, capsys, override, named):
     with pytest.raises(SystemExit) as ended:
-        call(monkeypatch, override, f"hydra.run.dir={tmp_path}/run")
+        run_command(classify, monkeypatch, override, f"hydra.run.dir={tmp_path}/run")
     assert ended.value.code == 2
     output = capsys.readouterr()
     assert output.err.startswith("error: ") and named in output.err
@@ -83,7 +81,7 @@ def test_a_wrong_override_is_one_message(monkeypatch, tmp_path, capsys, override
 def test_a_bug_keeps_its_traceback(monkeypatch, tmp_path):
     monkeypatch.setattr(classify, "load_weights", lambda path: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        call(monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
+        run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
 
 
 def test_unknown_override_as_a_process(tmp_path):
@@ -95,6 +93,6 @@ def test_unknown_override_as_a_process(tmp_path):
 def test_help_names_presets_and_values():
     done = process("--help")
     assert done.returncode == 0 and done.stderr == ""
-    assert "python -m experiments.classify" in done.stdout
+    assert done.stdout.startswith("python -m experiments.classify [key=value ...]")
     assert "preset=smoke|small|full" in done.stdout
     assert "crop_size: 128" in done.stdout and "capture: null" in done.stdout

@@ -1,0 +1,20 @@
+"""Run an experiment's `main` as its command line does, inside the test's process."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from types import ModuleType
+
+import pytest
+
+
+def run_command(act: ModuleType, patch: pytest.MonkeyPatch, *arguments: str) -> None:
+    """Call `act.main` with `arguments` as its command line.
+
+    Hydra's logging set-up shuts every handler down; one of them, made while tests are collected, holds the stream that
+    pytest captures to and would close it.
+    """
+    patch.setattr(logging, "shutdown", lambda *handlers: None)
+    patch.setattr(sys, "argv", [f"{act.__name__.rsplit('.', 1)[-1]}.py", *arguments])
+    act.main()
