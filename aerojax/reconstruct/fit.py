@@ -141,8 +141,10 @@ def _advance(
     def step(state: tuple[dict[str, Array], Any], key: Array) -> tuple[Any, Array]:
         free, moments = state
         value, slope = jax.value_and_grad(loss)(free, key)
-        change, moments = optimiser.update(slope, moments, free)
-        change = {**change, "mean": change["mean"] * radius}
+        update: tuple[Any, Any] = optimiser.update(slope, moments, free)
+        change, moments = update
+        # Centres move in units of the object's radius.
+        change = {name: x * radius if name == "mean" else x for name, x in change.items()}
         return (optax.apply_updates(free, change), moments), value
 
     (free, moments), losses = jax.lax.scan(step, (free, moments), keys)
