@@ -26,6 +26,7 @@ import hydra
 import jax
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -68,6 +69,8 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
                 write_json(directory / "run.json", {**provenance(run.overrides), "experiment": name, "config": values})
                 act(config, run)
             except (UserError, OmegaConfBaseException) as error:
+                if HydraConfig.get().mode == RunMode.MULTIRUN:
+                    raise  # the other runs of a sweep go on
                 _refuse(error)  # here, because Hydra announces every exception that reaches it with a line of its own
 
         @functools.wraps(act)
@@ -79,7 +82,7 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
             try:
                 entry()
-            except (HydraException, OmegaConfBaseException) as error:
+            except (UserError, HydraException, OmegaConfBaseException) as error:
                 _refuse(error)
             except KeyboardInterrupt:
                 print("interrupted", file=sys.stderr)
