@@ -21,6 +21,9 @@ from aerojax.gaussians.render import render
 from aerojax.reconstruct.photometric import photometric_loss
 from aerojax.types import Camera, Gaussians, View
 
+MOST_CERTAIN = 0.8
+"""Opacity at which a fit starts at most."""
+
 Report = Callable[[int, float], None]
 """Called with (steps done, loss) every few steps."""
 
@@ -33,6 +36,7 @@ class GaussianFitConfig:
     mean_rate: of the centres, in object radii.
     quaternion_rate, scale_rate, opacity_rate, colour_rate: of quaternion, log scale, logit opacity and coefficients.
     dissimilarity: λ of thesis Eq. 3.9.
+    mask_weight: of mean |alpha - mask|, which empties what the silhouettes exclude faster than colours alone do.
     antialias: of the renderer; keep it for rendering the result.
     report_every: steps between reports.
     """
@@ -41,9 +45,10 @@ class GaussianFitConfig:
     mean_rate: float = 2e-3
     quaternion_rate: float = 5e-3
     scale_rate: float = 1e-2
-    opacity_rate: float = 3e-2
+    opacity_rate: float = 5e-2
     colour_rate: float = 1e-2
     dissimilarity: float = 0.2
+    mask_weight: float = 0.5
     antialias: bool = True
     report_every: int = 20
 
@@ -83,7 +88,8 @@ def fit_gaussians(
 
 def _free(gaussians: Gaussians) -> dict[str, Array]:
     """Unconstrained parameters: logarithm of the scale, logit of the opacity."""
-    opacity = jnp.clip(gaussians.opacity, 1e-3, 1 - 1e-3)
+    # Not too sure of anything at first: the logistic curve is flat near 1, and what is wrong there would stay.
+    opacity = jnp.clip(gaussians.opacity, 1e-3, MOST_CERTAIN)
     return {
         "mean": gaussians.mean,
         "quaternion": gaussians.quaternion,
@@ -133,10 +139,12 @@ def _advance(
 
     def loss(free: dict[str, Array], key: Array) -> Array:
         background = jax.random.uniform(key, (3,))
-        drawn = draw_views(_gaussians(free), views.camera, background, antialias=config.antialias)
+        drawn = render(_gaussians(free), views.camera, background=background, antialias=config.antialias)
         mask = views.mask[..., None]
         target = views.rgb * mask + background * (1 - mask)
-        return photometric_loss(drawn, target, dissimilarity=config.dissimilarity)
+        outline = jnp.mean(jnp.abs(drawn.alpha - views.mask))
+        colours = photometric_loss(drawn.colour, target, dissimilarity=config.dissimilarity)
+        return colours + config.mask_weight * outline
 
     def step(state: tuple[dict[str, Array], Any], key: Array) -> tuple[Any, Array]:
         free, moments = state

@@ -59,7 +59,7 @@ def test_fit_recovers_colour_and_transparency():
     fitted = fit_gaussians(
         start, views, config=config, key=jax.random.key(0), report=lambda done, loss: losses.append((done, loss))
     )
-    assert [done for done, _ in losses] == [30, 60] and losses[-1][1] < 0.03
+    assert [done for done, _ in losses] == [30, 60] and losses[-1][1] < 0.06
     again = draw(fitted, camera, background=jnp.ones(3))
     expected = draw(truth, camera, background=jnp.ones(3))
     assert float(foreground_psnr(again.colour, expected.colour, jnp.ones_like(expected.alpha))) > 25
