@@ -10,7 +10,7 @@ from aerojax.reconstruct.crop import MARGIN
 from aerojax.types import CLASSES, SH_C0
 from aerojax.view.report import CameraCrop, ClassificationReport, FrameReport
 
-SHOWN_POINTS = 600
+SHOWN_POINTS = 1024
 """Points of a frame's cloud that the page draws; enough for a shape, few enough for a small file."""
 
 

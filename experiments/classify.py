@@ -67,11 +67,12 @@ def _result(capture: Capture, clip: Clip, so_far: np.ndarray, latency_ms: dict[s
 
 
 def _show(console: Console, result: dict, clip: Clip, capture: Capture, truth: str | None) -> None:
-    table = Table("class", "probability", title=f"{capture.folder.name}: {result['label']}")
+    console.print(f"{capture.folder.name}: [bold]{result['label']}[/bold]", soft_wrap=True)
+    table = Table("class", "probability")
     for name, value in sorted(result["probabilities"].items(), key=lambda item: -item[1]):
         table.add_row(name, f"{value:.4f}")
     console.print(table)
-    spent = Table("stage", "ms a frame", title="latency (median)")
+    spent = Table("stage", "median ms a frame")
     for name, value in result["latency_ms"].items():
         spent.add_row(name, f"{value:.1f}")
     console.print(spent)

@@ -40,7 +40,7 @@ def main(config: Config, run: Run) -> None:
             f"captures={config.captures} holds no folder with a capture.json; name the folder above the captures"
         )
     model, tokens = load_classifier(config.weights)
-    table = Table("capture", "truth", "label", "probability", "frames", title=str(config.captures))
+    table = Table("capture", "truth", "label", "probability", "frames")
     rows, known, labels = [], [], []
     with progress_bar() as bar:
         for folder in bar.track(folders, description="captures"):
