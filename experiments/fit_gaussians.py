@@ -22,7 +22,7 @@ from aerojax.gaussians.usd import write_usd
 from aerojax.pipeline import FrameImages, PipelineConfig, frame_images
 from aerojax.reconstruct.fit import GaussianFitConfig, draw_views, fit_gaussians
 from aerojax.reconstruct.hull import visual_hull
-from aerojax.reconstruct.photometric import foreground_psnr, structural_similarity
+from aerojax.reconstruct.photometric import certain_pixels, foreground_psnr, structural_similarity
 from aerojax.types import Gaussians, View
 from experiments.launch import Run, experiment, write_json
 from experiments.progress import progress_bar
@@ -71,11 +71,12 @@ def start_from_hull(views: View, config: PipelineConfig) -> Gaussians:
 
 
 def measure(gaussians: Gaussians, views: View, antialias: bool) -> tuple[dict[str, float], np.ndarray]:
-    """Foreground PSNR and SSIM over black, and the images side by side: truth above, drawing below."""
+    """PSNR on the object and inside its rim, and SSIM, over black; and the images: truth above, drawing below."""
     drawn = draw_views(gaussians, views.camera, jnp.zeros(3), antialias=antialias)
     target = views.rgb * views.mask[..., None]
     figures = {
         "foreground_psnr_db": float(foreground_psnr(drawn, target, views.mask)),
+        "interior_psnr_db": float(foreground_psnr(drawn, target, views.mask * certain_pixels(views.mask))),
         "ssim": float(structural_similarity(drawn, target)),
     }
     return figures, np.concatenate([np.concatenate(list(x), axis=1) for x in (target, jnp.clip(drawn, 0, 1))])

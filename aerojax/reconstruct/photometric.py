@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 WINDOW = 11
 SIGMA = 1.5
@@ -49,6 +49,18 @@ def photometric_loss(
     """(1 - λ)·mean |C_pred - C_gt| + λ·(1 - SSIM) (thesis Eq. 3.9; Kerbl et al. 2023, Eq. 7)."""
     absolute = jnp.mean(jnp.abs(predicted - target))
     return (1 - dissimilarity) * absolute + dissimilarity * (1 - structural_similarity(predicted, target))
+
+
+def certain_pixels(mask: Float[Array, "*batch height width"]) -> Bool[Array, "*batch height width"]:
+    """Pixels whose 3×3 neighbourhood lies wholly inside or wholly outside the mask.
+
+    A binary mask also holds the pixels that the object covers in part; their colour is half the backdrop's.
+    """
+    window = (1,) * (mask.ndim - 2) + (3, 3)
+    ones = (1,) * mask.ndim
+    least = jax.lax.reduce_window(mask, jnp.inf, jax.lax.min, window, ones, "SAME")
+    most = jax.lax.reduce_window(mask, -jnp.inf, jax.lax.max, window, ones, "SAME")
+    return (least > 0.99) | (most < 0.01)
 
 
 def foreground_psnr(

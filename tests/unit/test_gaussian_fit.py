@@ -12,7 +12,7 @@ from splat_scenes import drawing, make_gaussians
 
 from aerojax.geometry.cameras import look_at
 from aerojax.reconstruct.fit import GaussianFitConfig, fit_gaussians
-from aerojax.reconstruct.photometric import foreground_psnr, photometric_loss, structural_similarity
+from aerojax.reconstruct.photometric import certain_pixels, foreground_psnr, photometric_loss, structural_similarity
 from aerojax.types import Camera, View
 
 
@@ -41,6 +41,14 @@ def test_losses_by_hand():
     mask = jnp.zeros((16, 16)).at[3:6].set(1.0)
     wrong = a.at[:3].set(1.0).at[3:6].add(0.1)
     np.testing.assert_allclose(foreground_psnr(wrong, a, mask), 20.0, rtol=1e-4)
+
+
+def test_certain_pixels_leave_out_the_rim():
+    """A 4×4 block: its inner 2×2 and everything two pixels away are certain."""
+    mask = jnp.zeros((10, 10)).at[3:7, 3:7].set(1.0)
+    certain = np.asarray(certain_pixels(mask))
+    assert certain[4:6, 4:6].all() and not certain[3, 3:7].any() and not certain[2, 2:8].any() and certain[1].all()
+    assert certain.sum() == 100 - 36 + 4
 
 
 def test_fit_recovers_colour_and_transparency():
