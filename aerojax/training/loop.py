@@ -62,8 +62,10 @@ def fit(model: _Model, task: Fit, config: TrainingConfig, *, seed: int, director
     numbers as an uninterrupted one.
 
     Raises:
-        UserError: the loss is not finite; the last good checkpoint stays.
+        UserError: an epoch has no batch, or the loss is not finite; the last good checkpoint stays.
     """
+    if task.steps_per_epoch < 1:
+        raise UserError(f"training.batch={config.batch} is larger than the training set; lower it or make more clips")
     optimiser = adamw(config.optimiser, config.epochs * task.steps_per_epoch)
     update = _update_step(task.loss, optimiser, config.average)
     state = (model, optimiser.init(model), model, model, np.array(-np.inf))  # pyrefly: ignore

@@ -48,11 +48,12 @@ def decays(parameters: Any) -> Any:
 
 def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
     """The optimiser for a run of `steps` updates."""
+    warmup = max(1, round(config.warmup * steps))
     schedule = optax.warmup_cosine_decay_schedule(
         init_value=config.learning_rate * 0.01,
         peak_value=config.learning_rate,
-        warmup_steps=max(1, round(config.warmup * steps)),
-        decay_steps=steps,
+        warmup_steps=warmup,
+        decay_steps=max(steps, warmup + 1),
         end_value=config.learning_rate * config.final,
     )
     return optax.chain(
