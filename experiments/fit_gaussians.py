@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +20,14 @@ from aerojax.gaussians.rotate import transform
 from aerojax.gaussians.usd import write_usd
 from aerojax.pipeline import FrameImages, PipelineConfig, frame_images
 from aerojax.reconstruct.fit import GaussianFitConfig, draw_views, fit_gaussians
-from aerojax.reconstruct.hull import visual_hull
-from aerojax.reconstruct.photometric import certain_pixels, foreground_psnr, structural_similarity
+from aerojax.reconstruct.hull import hull_gaussians
+from aerojax.reconstruct.photometric import (
+    backdrop_colour,
+    certain_pixels,
+    foreground_psnr,
+    over_backdrop,
+    structural_similarity,
+)
 from aerojax.types import Gaussians, View
 from experiments.launch import Run, experiment, write_json
 from experiments.progress import progress_bar
@@ -61,19 +66,11 @@ def split_views(seen: FrameImages, held_out: int) -> tuple[View, View]:
     return jax.tree.map(lambda x: x[rest], seen.views), jax.tree.map(lambda x: x[chosen : chosen + 1], seen.views)
 
 
-def start_from_hull(views: View, config: PipelineConfig) -> Gaussians:
-    """The visual hull of the fitting views alone."""
-    hull = jax.jit(partial(visual_hull, config=config.hull))
-    gaussians, count, _ = hull(views, jnp.ones(len(views.mask), bool))
-    if int(count) == 0:
-        raise UserError("the silhouettes of the fitting cameras do not meet: check calibration, masks and clocks")
-    return jax.tree.map(lambda x: x[: int(count)], gaussians)
-
-
 def measure(gaussians: Gaussians, views: View, antialias: bool) -> tuple[dict[str, float], np.ndarray]:
-    """PSNR on the object and inside its rim, and SSIM, over black; and the images: truth above, drawing below."""
-    drawn = draw_views(gaussians, views.camera, jnp.zeros(3), antialias=antialias)
-    target = views.rgb * views.mask[..., None]
+    """PSNR on the object and inside its rim, and SSIM, over each view's backdrop; and truth above drawing."""
+    backdrop = backdrop_colour(views.rgb, views.mask)
+    drawn = draw_views(gaussians, views.camera, backdrop, antialias=antialias)
+    target = over_backdrop(views.rgb, views.mask, backdrop)
     figures = {
         "foreground_psnr_db": float(foreground_psnr(drawn, target, views.mask)),
         "interior_psnr_db": float(foreground_psnr(drawn, target, views.mask * certain_pixels(views.mask))),
@@ -88,17 +85,15 @@ def main(config: Config, run: Run) -> None:
     capture = read_capture(config.capture or sample_capture(config.sample, config.assets))
     seen = frame_images(capture, config.frame, config.pipeline, object_id=config.object)
     fitting, held_out = split_views(seen, config.held_out)
-    start = start_from_hull(fitting, config.pipeline)
+    start = hull_gaussians(fitting, config=config.pipeline.hull)
     began = time.perf_counter()
     with progress_bar() as bar:
         task = bar.add_task("fit", total=config.fit.steps)
-        fitted = fit_gaussians(
-            start,
-            fitting,
-            config=config.fit,
-            key=jax.random.key(config.seed),
-            report=lambda done, loss: bar.update(task, completed=done, description=f"loss {loss:.4f}"),
-        )
+
+        def report(done: int, loss: float) -> None:
+            bar.update(task, completed=done, description=f"loss {loss:.4f}")
+
+        fitted = fit_gaussians(start, fitting, config=config.fit, report=report)
     seconds = time.perf_counter() - began
     results: dict[str, Any] = {"capture": str(capture.folder), "frame": config.frame, "gaussians": len(fitted.mean)}
     results |= {"fitting_views": len(fitting.mask), "steps": config.fit.steps, "seconds": seconds}

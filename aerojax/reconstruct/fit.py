@@ -1,8 +1,9 @@
 """Gaussians of one object by optimisation on its own views: slow, without training data, a ceiling for one pass.
 
 Kerbl et al. 2023 without densification: the visual hull gives enough Gaussians in the right places. Every step draws
-all views over a random background and compares with the images cut out by their masks over the same background; what
-the mask excludes can so only be matched by transparency, whatever the real background is.
+all views over the colour of each view's backdrop and compares with the images, whose clutter away from the object is
+replaced by that colour. Rim pixels, which mix object and backdrop, are then right as they are; a term on alpha where
+the mask is certain tells a backdrop-coloured object from none.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float
 
 from aerojax.gaussians.render import render
-from aerojax.reconstruct.photometric import photometric_loss
+from aerojax.reconstruct.photometric import backdrop_colour, certain_pixels, over_backdrop, photometric_loss
 from aerojax.types import Camera, Gaussians, View
 
 MOST_CERTAIN = 0.8
@@ -36,7 +37,7 @@ class GaussianFitConfig:
     mean_rate: of the centres, in object radii.
     quaternion_rate, scale_rate, opacity_rate, colour_rate: of quaternion, log scale, logit opacity and coefficients.
     dissimilarity: λ of thesis Eq. 3.9.
-    mask_weight: of mean |alpha - mask|, which empties what the silhouettes exclude faster than colours alone do.
+    mask_weight: of mean |alpha - mask| over the pixels where the mask is certain.
     antialias: of the renderer; keep it for rendering the result.
     report_every: steps between reports.
     """
@@ -58,7 +59,6 @@ def fit_gaussians(
     views: View,
     *,
     config: GaussianFitConfig,
-    key: Key[Array, ""],
     report: Report | None = None,
 ) -> Gaussians:
     """Optimise all attributes of Gaussians until they look like the views.
@@ -67,7 +67,6 @@ def fit_gaussians(
         start: for instance the visual hull; opacities strictly between 0 and 1 are reached from any start.
         views: images, masks and cameras (leading axis `view`) in the Gaussians' frame; at least 11 pixels a side.
         config: rates and steps.
-        key: draws the backgrounds.
         report: progress.
 
     Returns:
@@ -77,12 +76,11 @@ def fit_gaussians(
     free = _free(start)
     optimiser = _optimiser(config)
     moments = optimiser.init(free)
-    keys = jax.random.split(key, config.steps)
     for first in range(0, config.steps, config.report_every):
-        part = keys[first : first + config.report_every]
-        free, moments, loss = _advance(free, moments, part, views, radius, config)
+        part = min(config.report_every, config.steps - first)
+        free, moments, loss = _advance(free, moments, views, radius, config, part)
         if report is not None:
-            report(first + len(part), float(loss))
+            report(first + part, float(loss))
     return _gaussians(free)
 
 
@@ -125,42 +123,43 @@ def _optimiser(config: GaussianFitConfig) -> optax.GradientTransformation:
     return optax.partition({name: adam(rate) for name, rate in rates.items()}, {name: name for name in rates})
 
 
-@partial(jax.jit, static_argnames="config")
+@partial(jax.jit, static_argnames=("config", "steps"))
 def _advance(
     free: dict[str, Array],
     moments: Any,
-    keys: Key[Array, "step"],
     views: View,
     radius: Float[Array, ""],
     config: GaussianFitConfig,
+    steps: int,
 ) -> tuple[dict[str, Array], Any, Float[Array, ""]]:
     """Several updates in one compiled loop; the loss is the last one's."""
     optimiser = _optimiser(config)
 
-    def loss(free: dict[str, Array], key: Array) -> Array:
-        background = jax.random.uniform(key, (3,))
-        drawn = render(_gaussians(free), views.camera, background=background, antialias=config.antialias)
-        mask = views.mask[..., None]
-        target = views.rgb * mask + background * (1 - mask)
-        outline = jnp.mean(jnp.abs(drawn.alpha - views.mask))
+    backdrop = backdrop_colour(views.rgb, views.mask)
+    target = over_backdrop(views.rgb, views.mask, backdrop)
+    certain = certain_pixels(views.mask)
+
+    def loss(free: dict[str, Array]) -> Array:
+        drawn = render(_gaussians(free), views.camera, background=backdrop, antialias=config.antialias)
+        outline = jnp.mean(jnp.where(certain, jnp.abs(drawn.alpha - views.mask), 0.0))
         colours = photometric_loss(drawn.colour, target, dissimilarity=config.dissimilarity)
         return colours + config.mask_weight * outline
 
-    def step(state: tuple[dict[str, Array], Any], key: Array) -> tuple[Any, Array]:
+    def step(state: tuple[dict[str, Array], Any], _: None) -> tuple[Any, Array]:
         free, moments = state
-        value, slope = jax.value_and_grad(loss)(free, key)
+        value, slope = jax.value_and_grad(loss)(free)
         update: tuple[Any, Any] = optimiser.update(slope, moments, free)
         change, moments = update
         # Centres move in units of the object's radius.
         change = {name: x * radius if name == "mean" else x for name, x in change.items()}
         return (optax.apply_updates(free, change), moments), value
 
-    (free, moments), losses = jax.lax.scan(step, (free, moments), keys)
+    (free, moments), losses = jax.lax.scan(step, (free, moments), None, length=steps)
     return free, moments, losses[-1]
 
 
 def draw_views(
-    gaussians: Gaussians, camera: Camera, background: Float[Array, "3"], *, antialias: bool
+    gaussians: Gaussians, camera: Camera, background: Float[Array, "*view 3"], *, antialias: bool
 ) -> Float[Array, "view height width 3"]:
     """Colour images of all cameras (leading axis `view`) in one launch."""
     return render(gaussians, camera, background=background, antialias=antialias).colour

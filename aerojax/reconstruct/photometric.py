@@ -63,6 +63,26 @@ def certain_pixels(mask: Float[Array, "*batch height width"]) -> Bool[Array, "*b
     return (least > 0.99) | (most < 0.01)
 
 
+def backdrop_colour(views_rgb: Float[Array, "view height width 3"], mask: Float[Array, "view height width"]) -> Array:
+    """Mean colour (view, 3) of what surrounds the object in each crop; white where the crop shows nothing else."""
+    outside = ((mask < 0.01) & certain_pixels(mask))[..., None]
+    count = jnp.sum(outside, axis=(1, 2))
+    mean = jnp.sum(jnp.where(outside, views_rgb, 0.0), axis=(1, 2)) / jnp.maximum(count, 1)
+    return jnp.where(count > 0, mean, 1.0)
+
+
+def over_backdrop(
+    rgb: Float[Array, "view height width 3"], mask: Float[Array, "view height width"], backdrop: Float[Array, "view 3"]
+) -> Float[Array, "view height width 3"]:
+    """The images themselves on the object and its rim, the even backdrop elsewhere.
+
+    A rim pixel already mixes object and backdrop, just as a drawing over that backdrop does; a binary mask cannot tell
+    the shares.
+    """
+    near = (mask > 0.5) | ~certain_pixels(mask)
+    return jnp.where(near[..., None], rgb, backdrop[:, None, None, :])
+
+
 def foreground_psnr(
     predicted: Float[Array, "*batch height width 3"],
     target: Float[Array, "*batch height width 3"],

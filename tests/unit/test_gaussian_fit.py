@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.ndimage import gaussian_filter
@@ -12,7 +11,14 @@ from splat_scenes import drawing, make_gaussians
 
 from aerojax.geometry.cameras import look_at
 from aerojax.reconstruct.fit import GaussianFitConfig, fit_gaussians
-from aerojax.reconstruct.photometric import certain_pixels, foreground_psnr, photometric_loss, structural_similarity
+from aerojax.reconstruct.photometric import (
+    backdrop_colour,
+    certain_pixels,
+    foreground_psnr,
+    over_backdrop,
+    photometric_loss,
+    structural_similarity,
+)
 from aerojax.types import Camera, View
 
 
@@ -51,24 +57,33 @@ def test_certain_pixels_leave_out_the_rim():
     assert certain.sum() == 100 - 36 + 4
 
 
-def test_fit_recovers_colour_and_transparency():
-    """Views of known Gaussians over black; from grey ones in the right places the object is found, not its backdrop."""
-    truth = make_gaussians(0, 24, 1, np.float32, opacity=(0.6, 0.95), sigma=(0.06, 0.15))
+def test_the_backdrop_replaces_clutter_but_not_the_rim():
+    """A block on an even backdrop with a bright spot far from it: the spot goes, block and rim stay."""
+    mask = jnp.zeros((1, 20, 20)).at[0, 8:12, 8:12].set(1.0)
+    rgb = jnp.full((1, 20, 20, 3), 0.25).at[0, 7:13, 7:13].set(0.75)
+    backdrop = backdrop_colour(rgb, mask)
+    np.testing.assert_allclose(backdrop, 0.25, rtol=1e-6)
+    clean = over_backdrop(rgb.at[0, 2, 2].set(1.0), mask, backdrop)
+    np.testing.assert_allclose(clean, rgb, rtol=1e-6)
+    np.testing.assert_allclose(backdrop_colour(rgb, jnp.ones_like(mask)), 1.0)
+
+
+def test_fit_recovers_colour_and_shape():
+    """Views of known Gaussians over a backdrop; from grey, half transparent ones in the right places."""
+    truth = make_gaussians(0, 24, 1, np.float32, opacity=(0.95, 0.99), sigma=(0.06, 0.12))
     poses = [look_at(jnp.array(c), jnp.zeros(3)) for c in ((2.0, 0, 0.3), (0, 2.0, -0.3), (-1.4, -1.4, 0.2))]
     K = jnp.array([[30.0, 0, 12], [0, 30.0, 12], [0, 0, 1]])
     camera = Camera(jnp.stack([K] * 3), jnp.stack(poses), 24, 24)
+    backdrop = jnp.array([0.1, 0.2, 0.3])
     draw = drawing(antialias=True)
-    image = draw(truth, camera, background=jnp.zeros(3))
-    # The images are premultiplied; the fit composes rgb·mask, so divide.
-    views = View(image.colour / jnp.maximum(image.alpha, 1e-3)[..., None], image.alpha, camera)
+    image = draw(truth, camera, background=backdrop)
+    views = View(image.colour, (image.alpha > 0.5).astype(jnp.float32), camera)
     start = dataclasses.replace(truth, sh=jnp.zeros_like(truth.sh), opacity=jnp.full(24, 0.5))
     losses = []
-    config = GaussianFitConfig(steps=60, report_every=30, colour_rate=0.05, opacity_rate=0.1)
-    fitted = fit_gaussians(
-        start, views, config=config, key=jax.random.key(0), report=lambda done, loss: losses.append((done, loss))
-    )
-    assert [done for done, _ in losses] == [30, 60] and losses[-1][1] < 0.06
-    again = draw(fitted, camera, background=jnp.ones(3))
-    expected = draw(truth, camera, background=jnp.ones(3))
-    assert float(foreground_psnr(again.colour, expected.colour, jnp.ones_like(expected.alpha))) > 25
+    config = GaussianFitConfig(steps=60, report_every=30, colour_rate=0.05, opacity_rate=0.1, mask_weight=0.1)
+    fitted = fit_gaussians(start, views, config=config, report=lambda done, loss: losses.append((done, loss)))
+    before, after = (draw(g, camera, background=backdrop).colour for g in (start, fitted))
+    scores = [float(foreground_psnr(x, image.colour, views.mask)) for x in (before, after)]
+    assert [done for done, _ in losses] == [30, 60] and losses[-1][1] < losses[0][1]
+    assert scores[1] > 22 and scores[1] > scores[0] + 6, scores
     np.testing.assert_allclose(jnp.linalg.norm(fitted.quaternion, axis=-1), 1.0, rtol=1e-5)

@@ -110,6 +110,16 @@ def test_a_loss_that_is_no_number_ends_the_run_and_leaves_the_checkpoint(tmp_pat
     assert len((tmp_path / "history.jsonl").read_text().splitlines()) == 2
 
 
+def test_less_than_a_batch_is_refused_and_one_step_is_a_run(tmp_path):
+    with pytest.raises(UserError, match=r"training\.batch=8 is more than there is to train on"):
+        fit(start(), replace(task()[0], steps_per_epoch=0), CONFIG, seed=3, directory=tmp_path)
+    optimiser = adamw(CONFIG.optimiser, steps=1)
+    change, _ = optimiser.update(
+        {"a": jnp.ones((2, 2))}, optimiser.init({"a": jnp.ones((2, 2))}), {"a": jnp.ones((2, 2))}
+    )
+    assert np.isfinite(change["a"]).all() and (np.asarray(change["a"]) < 0).all()
+
+
 def test_checkpoints_keep_the_newest_and_refuse_another_model(tmp_path):
     assert latest_step(tmp_path / "none") is None
     for step in (1, 2, 10):
