@@ -35,14 +35,7 @@ def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=True)
     for kind, accepted in ((int, (int,)), (float, (int, float)), (str, (str,)), (bool, (bool,)), (Path, (str, Path))):
         converter.register_structure_hook(kind, _strict(kind, accepted))
-    converter.register_structure_hook(int | str, _strict_union)
     return converter
-
-
-def _strict_union(value: Any, _: Any) -> Any:
-    if isinstance(value, bool) or not isinstance(value, (int, str)):
-        raise TypeError(f"expected int or str, got {value!r}")
-    return value
 
 
 _CONVERTER = _converter()

@@ -45,7 +45,6 @@ class Config:
     """
 
     preset: str
-    seed: int
     capture: Path | None
     frame: int
     object: int | None
