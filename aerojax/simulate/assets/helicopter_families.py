@@ -220,3 +220,10 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "rotor_ratio": (1.08, 1.22),
     },
 }
+
+SPLITS: dict[str, tuple[str, ...]] = {
+    "train": ("light_piston", "transport", "light_turbine", "attack", "pod_and_boom", "fenestron", "tandem"),
+    "val": ("heavy_transport", "utility"),
+    "test": ("open_frame", "coaxial"),
+}
+"""Which families each split draws from, in the order of the identities."""

@@ -156,3 +156,20 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "gimbal": (0.08, 0.12),
     },
 }
+
+SPLITS: dict[str, tuple[str, ...]] = {
+    "train": (
+        "camera_quad",
+        "racing_quad",
+        "hexacopter",
+        "micro_quad",
+        "research_quad",
+        "tricopter",
+        "guarded_quad",
+        "heavy_lift",
+        "coaxial_x8",
+    ),
+    "val": ("octocopter", "h_frame"),
+    "test": ("dead_cat", "coaxial_y6"),
+}
+"""Which families each split draws from, in the order of the identities."""
