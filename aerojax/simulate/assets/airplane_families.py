@@ -294,3 +294,19 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "canard": (0.3, 0.44),
     },
 }
+
+SPLITS: dict[str, tuple[str, ...]] = {
+    "train": (
+        "high_wing_trainer",
+        "airliner",
+        "low_wing_sport",
+        "fighter",
+        "glider",
+        "twin_prop",
+        "foam_flyer",
+        "flying_wing",
+    ),
+    "val": ("commuter", "canard_delta", "business_jet"),
+    "test": ("biplane", "twin_boom"),
+}
+"""Families of each split, in the order in which identities are taken."""

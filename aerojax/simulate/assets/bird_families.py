@@ -269,3 +269,10 @@ FAMILIES: dict[str, dict[str, Any]] = {
         "arch": (0.02, 0.04),
     },
 }
+
+SPLITS: dict[str, tuple[str, ...]] = {
+    "train": ("passerine", "gull", "buzzard", "goose", "pigeon", "heron", "swift", "albatross"),
+    "val": ("crow", "falcon"),
+    "test": ("eagle", "stork", "duck"),
+}
+"""Families of each split, in the order in which identities are taken."""
