@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int, UInt16
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
+from pxr import Gf, Tf, Usd, UsdGeom
 
 from aerojax.errors import UserError
-
-Evaluate = Callable[[float], Float[np.ndarray, "vertex 3"]]
-"""Positions of one prim's vertices in the body frame (metres) at a time code."""
+from aerojax.simulate.usd_skinning import Evaluate, skinned, skinned_prims, transformed
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ def load_animated_mesh(path: Path) -> AnimatedMesh:
     """
     stage = _open(path)
     body_from_stage = _body_from_stage(stage)
-    skinned = _skinned_prims(stage)
+    bindings = skinned_prims(stage)
     faces, albedo, part, names, evaluate, offset = [], [], [], [], [], 0
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh) or UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
@@ -66,10 +63,8 @@ def load_animated_mesh(path: Path) -> AnimatedMesh:
         albedo.append(_albedo(mesh, triangles, polygon))
         part.append(np.full(len(triangles), len(names), np.uint16))
         names.append(str(prim.GetPath()))
-        binding = skinned.get(prim.GetPath())
-        evaluate.append(
-            _moving(mesh, body_from_stage) if binding is None else _skinning(mesh, *binding, body_from_stage)
-        )
+        binding = bindings.get(prim.GetPath())
+        evaluate.append(_moving(mesh, body_from_stage) if binding is None else skinned(mesh, binding, body_from_stage))
         offset += len(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()))
     if not names:
         raise UserError(f"{path}: the stage holds no visible UsdGeomMesh; export the object as meshes")
@@ -140,17 +135,12 @@ def _albedo(
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clip(1e-9) ** (1 / 2.4) - 0.055).clip(0, 1)
 
 
-def _apply(matrix: Gf.Matrix4d, points: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "vertex 3"]:
-    rows = np.asarray(matrix, np.float64)
-    return (points @ rows[:3, :3] + rows[3, :3]).astype(np.float32)
-
-
 def _moving(mesh: UsdGeom.Mesh, body_from_stage: Gf.Matrix4d) -> Evaluate:
     """Vertices of a mesh that only its transforms or point samples move; computed once if nothing does."""
 
     def at(time: float) -> Float[np.ndarray, "vertex 3"]:
         points = np.asarray(mesh.GetPointsAttr().Get(time), np.float64)
-        return _apply(mesh.ComputeLocalToWorldTransform(time) * body_from_stage, points)
+        return transformed(mesh.ComputeLocalToWorldTransform(time) * body_from_stage, points)
 
     holders, prim = [], mesh.GetPrim()
     while prim and not prim.IsPseudoRoot():
@@ -162,42 +152,4 @@ def _moving(mesh: UsdGeom.Mesh, body_from_stage: Gf.Matrix4d) -> Evaluate:
         still = at(0.0)
         return lambda time: still
     points = np.asarray(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()), np.float64)
-    return lambda time: _apply(mesh.ComputeLocalToWorldTransform(time) * body_from_stage, points)
-
-
-Binding = tuple[UsdSkel.SkeletonQuery, UsdSkel.SkinningQuery, UsdSkel.Cache]
-
-
-def _skinned_prims(stage: Usd.Stage) -> dict[Sdf.Path, Binding]:
-    found: dict[Sdf.Path, Binding] = {}
-    for prim in stage.Traverse():
-        if not prim.IsA(UsdSkel.Root):
-            continue
-        root, cache = UsdSkel.Root(prim), UsdSkel.Cache()
-        cache.Populate(root, Usd.PrimDefaultPredicate)
-        for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
-            query = cache.GetSkelQuery(binding.GetSkeleton())
-            for target in binding.GetSkinningTargets():
-                found[target.GetPrim().GetPath()] = (query, target, cache)
-    return found
-
-
-def _skinning(
-    mesh: UsdGeom.Mesh,
-    skeleton: UsdSkel.SkeletonQuery,
-    skin: UsdSkel.SkinningQuery,
-    cache: UsdSkel.Cache,
-    body_from_stage: Gf.Matrix4d,
-) -> Evaluate:
-    """Linear-blend skinning by UsdSkel itself; results are in the skeleton's space."""
-    points = mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime())
-
-    def at(time: float, _alive: UsdSkel.Cache = cache) -> Float[np.ndarray, "vertex 3"]:
-        transforms = skeleton.ComputeSkinningTransforms(time)
-        moved = Vt.Vec3fArray(points)
-        skin.ComputeSkinnedPoints(transforms, moved, time)
-        local = skeleton.GetPrim()
-        to_world = UsdGeom.Xformable(local).ComputeLocalToWorldTransform(time)
-        return _apply(to_world * body_from_stage, np.asarray(moved, np.float64))
-
-    return at
+    return lambda time: transformed(mesh.ComputeLocalToWorldTransform(time) * body_from_stage, points)

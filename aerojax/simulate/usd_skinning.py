@@ -1,0 +1,81 @@
+"""UsdSkel deformation at any time: blend shapes, then linear-blend skinning, both evaluated by UsdSkel itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+
+Evaluate = Callable[[float], Float[np.ndarray, "vertex 3"]]
+"""Positions of one prim's vertices in the body frame (metres) at a time code."""
+
+
+@dataclass(frozen=True)
+class Binding:
+    """How a skeleton deforms one mesh; `cache` owns what the queries point to."""
+
+    skeleton: UsdSkel.SkeletonQuery
+    skin: UsdSkel.SkinningQuery
+    cache: UsdSkel.Cache
+
+
+def transformed(matrix: Gf.Matrix4d, points: Float[np.ndarray, "vertex 3"]) -> Float[np.ndarray, "vertex 3"]:
+    """Points moved by a USD matrix (which acts on row vectors), as float32."""
+    rows = np.asarray(matrix, np.float64)
+    return (points @ rows[:3, :3] + rows[3, :3]).astype(np.float32)
+
+
+def skinned_prims(stage: Usd.Stage) -> dict[Sdf.Path, Binding]:
+    """Every mesh that a skeleton moves or a skeleton's animation morphs, by path."""
+    found: dict[Sdf.Path, Binding] = {}
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdSkel.Root):
+            continue
+        root, cache = UsdSkel.Root(prim), UsdSkel.Cache()
+        cache.Populate(root, Usd.PrimDefaultPredicate)
+        for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
+            query = cache.GetSkelQuery(binding.GetSkeleton())
+            for target in binding.GetSkinningTargets():
+                found[target.GetPrim().GetPath()] = Binding(query, target, cache)
+    return found
+
+
+def skinned(mesh: UsdGeom.Mesh, binding: Binding, body_from_stage: Gf.Matrix4d) -> Evaluate:
+    """Vertices of a bound mesh in the body frame.
+
+    Skinned points come out in the skeleton's space; points that are only morphed stay in the mesh's own.
+    """
+    points = mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime())
+    morph = _blend_shapes(binding)
+    bends = binding.skin.HasJointInfluences()
+    holder = UsdGeom.Xformable(binding.skeleton.GetPrim()) if bends else mesh
+
+    def at(time: float) -> Float[np.ndarray, "vertex 3"]:
+        moved = Vt.Vec3fArray(points)
+        if morph is not None:
+            morph(time, moved)
+        if bends:
+            binding.skin.ComputeSkinnedPoints(binding.skeleton.ComputeSkinningTransforms(time), moved, time)
+        return transformed(holder.ComputeLocalToWorldTransform(time) * body_from_stage, np.asarray(moved, np.float64))
+
+    return at
+
+
+def _blend_shapes(binding: Binding) -> Callable[[float, Vt.Vec3fArray], None] | None:
+    """Add the blend shapes' offsets at a time code to points, in place; None where nothing drives them."""
+    animation = binding.skeleton.GetAnimQuery()
+    if not binding.skin.HasBlendShapes() or not animation or not len(animation.GetBlendShapeOrder()):
+        return None
+    query = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(binding.skin.GetPrim()))
+    mapper = binding.skin.GetBlendShapeMapper()
+    rows, offsets = query.ComputeBlendShapePointIndices(), query.ComputeSubShapePointOffsets()
+
+    def add(time: float, moved: Vt.Vec3fArray) -> None:
+        driven = animation.ComputeBlendShapeWeights(time)
+        weights, shapes, subshapes = query.ComputeSubShapeWeights(driven if mapper is None else mapper.Remap(driven))
+        query.ComputeDeformedPoints(weights, shapes, subshapes, rows, offsets, moved)
+
+    return add
