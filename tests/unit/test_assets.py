@@ -15,8 +15,7 @@ from aerojax.simulate.assets import airplanes, birds, catalogue, helicopters, mu
 from aerojax.simulate.usd_scene import AnimatedMesh, load_animated_mesh
 from aerojax.types import CLASSES
 
-ALL = [i for split, n in (("train", 9), ("val", 2), ("test", 3)) for i in catalogue.identities(split, n)]
-ONE_EACH = list({(i.label, i.family): i for i in ALL}.values())
+ONE_EACH = [i for split in ("train", "val", "test") for i in catalogue.identities(split)]
 NAMES = [i.name for i in ONE_EACH]
 each = pytest.mark.parametrize("identity", ONE_EACH, ids=NAMES)
 ROTORCRAFT = [i for i in ONE_EACH if i.label in ("drone", "helicopter")]
@@ -207,7 +206,15 @@ def test_identities_are_balanced_interleaved_and_extendable():
         )
     assert [i.label for i in few[:4]] == list(CLASSES)
     drones = [i.family for i in many if i.label == "drone"]
-    assert len(set(drones[:9])) == 9 and drones[:9] == drones[9:18]
+    kinds = len(catalogue.SPLITS["drone"]["train"])
+    assert len(set(drones[:kinds])) == kinds and drones[:5] == drones[kinds : kinds + 5]
+
+
+def test_more_individuals_extend_the_table():
+    for split in ("train", "val", "test"):
+        one, three = catalogue.identities(split), catalogue.identities(split, per_family=3)
+        assert len(three) == 3 * len(one) and set(one) < set(three)
+        assert {i.name for i in one} == {i.name for i in three if i.name.endswith("_00")}
 
 
 def test_every_family_is_in_a_split():
@@ -217,7 +224,7 @@ def test_every_family_is_in_a_split():
         ("helicopter", helicopters),
         ("airplane", airplanes),
     ):
-        assert {f for names in catalogue.FAMILIES[label].values() for f in names} == set(module.FAMILIES)
+        assert {f for names in catalogue.SPLITS[label].values() for f in names} == set(module.FAMILIES)
 
 
 @pytest.mark.parametrize(
@@ -225,6 +232,8 @@ def test_every_family_is_in_a_split():
     [
         (lambda path: catalogue.identities("dev", 1), "split is 'dev'"),
         (lambda path: catalogue.identities("train", -1), "per_class is -1"),
+        (lambda path: catalogue.identities("train", per_family=-2), "per_family is -2"),
+        (lambda path: catalogue.identities("train", 3, per_family=2), "both set"),
         (lambda path: catalogue.build_identity(catalogue.Identity("x", "bird", "dodo", 1, "train"), path), "dodo"),
         (lambda path: catalogue.build_identity(catalogue.Identity("x", "kite", "gull", 1, "train"), path), "kite"),
     ],

@@ -12,13 +12,30 @@ from pathlib import Path
 import numpy as np
 
 from aerojax.errors import UserError
-from aerojax.simulate.assets import airplanes, birds, helicopters, multicopters
+from aerojax.simulate.assets import (
+    airplane_families,
+    airplanes,
+    bird_families,
+    birds,
+    helicopter_families,
+    helicopters,
+    multicopter_families,
+    multicopters,
+)
 from aerojax.simulate.assets.authoring import Asset, write_asset
 from aerojax.simulate.assets.skeletons import write_skinned
 from aerojax.simulate.assets.variation import seed_of
 from aerojax.types import CLASSES
 
-FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
+TABLE: dict[str, dict[str, int]] = {
+    "bird": {"train": 15, "val": 6, "test": 8},
+    "drone": {"train": 15, "val": 7, "test": 8},
+    "airplane": {"train": 8, "val": 4, "test": 4},
+    "helicopter": {"train": 8, "val": 4, "test": 4},
+}
+"""Class, split, number of identities: 91 in all (thesis Table 6.3)."""
+
+_BEFORE: dict[str, dict[str, tuple[str, ...]]] = {
     "bird": {
         "train": ("passerine", "gull", "buzzard", "goose", "pigeon", "heron", "swift", "albatross"),
         "val": ("crow", "falcon"),
@@ -60,6 +77,13 @@ FAMILIES: dict[str, dict[str, tuple[str, ...]]] = {
         "test": ("open_frame", "coaxial"),
     },
 }
+
+SPLITS: dict[str, dict[str, tuple[str, ...]]] = {
+    "bird": getattr(bird_families, "SPLITS", _BEFORE["bird"]),
+    "drone": getattr(multicopter_families, "SPLITS", _BEFORE["drone"]),
+    "airplane": getattr(airplane_families, "SPLITS", _BEFORE["airplane"]),
+    "helicopter": getattr(helicopter_families, "SPLITS", _BEFORE["helicopter"]),
+}
 """Class, split, families. The commonest kinds and the extremes train (longest wings, fewest arms, most rotors), so that
 kinds seen only in validation or test lie between kinds that were trained on."""
 
@@ -82,38 +106,56 @@ class Identity:
     split: str
 
 
-def identities(split: str, per_class: int) -> tuple[Identity, ...]:
-    """The first `per_class` individuals of every class, classes and families interleaved.
+def identities(split: str, per_class: int | None = None, *, per_family: int = 1) -> tuple[Identity, ...]:
+    """The individuals of a split; without further arguments the data set's own, one a family (`TABLE`).
 
-    A larger `per_class` extends the same list, so files that exist stay valid.
+    Args:
+        split: "train", "val" or "test".
+        per_class: exactly so many individuals of every class, families in turn, for balanced training; a larger number
+            extends the same list.
+        per_family: so many individuals of every family; the first ones are those of a smaller number.
+
+    Returns:
+        Classes and families interleaved, so that the beginning of the list holds every class.
 
     Raises:
-        UserError: if `split` is unknown or `per_class` is negative.
+        UserError: if `split` is unknown, a count is negative, or both counts are given.
     """
     if split not in ("train", "val", "test"):
         raise UserError(f"split is {split!r}; use train, val or test")
-    if per_class < 0:
-        raise UserError(f"per_class is {per_class}; it counts identities of a class and cannot be negative")
-    return tuple(_identity(split, label, index) for index in range(per_class) for label in CLASSES)
+    if min(per_class or 0, per_family) < 0:
+        name, count = ("per_family", per_family) if per_family < 0 else ("per_class", per_class)
+        raise UserError(f"{name} is {count}; it counts identities and cannot be negative")
+    if per_class is not None and per_family != 1:
+        raise UserError("per_class and per_family are both set; use one of them")
+    counts = {
+        label: per_class if per_class is not None else per_family * len(SPLITS[label][split]) for label in CLASSES
+    }
+    return tuple(
+        _identity(split, label, index)
+        for index in range(max(counts.values()))
+        for label in CLASSES
+        if index < counts[label]
+    )
 
 
 def _identity(split: str, label: str, index: int) -> Identity:
-    families = FAMILIES[label][split]
+    families = SPLITS[label][split]
     family, number = families[index % len(families)], index // len(families)
     seed = seed_of("aerojax", split, label, family, number)
     return Identity(f"{label}_{family}_{number:02d}", label, family, seed, split)
 
 
 def build_identity(identity: Identity, folder: Path) -> Path:
-    """Write `<folder>/<name>.usdc` unless it is there already, and return its path.
+    """Write `<folder>/<name>.usdc` and its texture `<name>.png` unless they are there already; return the stage's path.
 
-    The file appears in one step, so several processes may build into one folder.
+    The stage appears in one step and after its texture, so several processes may build into one folder.
 
     Raises:
         UserError: if the identity names an unknown class or family.
     """
     path = folder / f"{identity.name}.usdc"
-    families = FAMILIES.get(identity.label, {})
+    families = SPLITS.get(identity.label, {})
     if not any(identity.family in names for names in families.values()):
         raise UserError(f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}")
     if path.exists():
