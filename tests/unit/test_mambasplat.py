@@ -180,8 +180,8 @@ def test_configurations_that_contradict_themselves_are_refused():
 @pytest.mark.parametrize(
     ("mode", "frames", "tokens", "billions", "digits"),
     [
-        ("X", 24, 1024, 103.54, 2),
-        ("C", 24, 1024, 44.42, 2),
+        ("X", 24, 1024, 103.544, 3),
+        ("C", 24, 1024, 44.4205, 4),
         ("X", 16, 512, 19.51, 2),
         ("C", 16, 512, 8.39, 2),
         ("X", 4, 1024, 17.26, 2),
