@@ -6,57 +6,38 @@ import dataclasses
 import json
 import os
 import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
-from aerojax.capture.validate import FORMAT, VERSION, examine
+from aerojax.capture.truth import (
+    JointPose,
+    ObjectState,
+    TrackedObject,
+    Truth,
+    rotate_truth,
+    truth_from_json,
+    truth_to_json,
+)
+from aerojax.capture.validate import FORMAT, OPTIONAL_IMAGES, VERSION, examine
 from aerojax.errors import UserError
-from aerojax.geometry.rotations import quaternion_from_rotation, quaternion_multiply
 from aerojax.types import Camera
 
-
-@dataclass(frozen=True)
-class ObjectState:
-    """Where one object is in one frame.
-
-    frame: index in the capture.
-    position: the body's origin, metres, world frame.
-    orientation_wxyz: unit quaternion, world from body.
-    bbox: by camera name, x0 y0 x1 y1 in pixels of the undistorted image, ends exclusive.
-    visible: by camera name; a camera that is absent does not see the object.
-    """
-
-    frame: int
-    position: tuple[float, float, float]
-    orientation_wxyz: tuple[float, float, float, float]
-    bbox: Mapping[str, tuple[float, float, float, float]]
-    visible: Mapping[str, bool]
-
-
-@dataclass(frozen=True)
-class TrackedObject:
-    """One object of the truth; `object_id` is its value in the masks, `frames` are sorted and complete."""
-
-    object_id: int
-    class_name: str
-    identity: str
-    frames: tuple[ObjectState, ...]
-    source: str | None = None
-    licence: str | None = None
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What really flew."""
-
-    objects: tuple[TrackedObject, ...]
+__all__ = [
+    "Capture",
+    "CaptureCamera",
+    "JointPose",
+    "ObjectState",
+    "TrackedObject",
+    "Truth",
+    "read_capture",
+    "rotate_world",
+    "write_capture_json",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +49,9 @@ class CaptureCamera:
     world_from_cam: rigid transform, metres, OpenCV axes.
     rgb: file pattern or one video file. mask, depth: file patterns or None.
     time_offset_s: how late the camera's clock is; what it took as frame j shows time j/fps + offset.
+    coverage: pattern of 8-bit images, the share of each pixel that objects cover (255 = all of it), or None.
+    normal: pattern of 16-bit RGB images, world normals n as (n + 1)/2·65535 and 0 where there is none, or None.
+    flow: pattern of two-channel float32 images, pixels right and down to the next frame, or None.
     """
 
     name: str
@@ -81,6 +65,9 @@ class CaptureCamera:
     mask: str | None
     depth: str | None
     time_offset_s: float
+    coverage: str | None = None
+    normal: str | None = None
+    flow: str | None = None
 
     def pinhole(self) -> Camera:
         """The camera that took the undistorted images, as float32 arrays for JAX."""
@@ -113,7 +100,7 @@ def read_capture(folder: Path) -> Capture:
     raw = examined.capture
     assert raw is not None  # the validator returns it whenever there is no problem
     cameras = tuple(_camera_from_json(camera) for camera in raw["cameras"])
-    truth = None if examined.truth is None else _truth_from_json(examined.truth)
+    truth = None if examined.truth is None else truth_from_json(examined.truth)
     return Capture(folder, float(raw["fps"]), raw["frames"], cameras, truth)
 
 
@@ -130,30 +117,10 @@ def _camera_from_json(raw: dict[str, Any]) -> CaptureCamera:
         mask=raw.get("mask"),
         depth=raw.get("depth"),
         time_offset_s=float(raw.get("time_offset_s", 0.0)),
+        coverage=raw.get("coverage"),
+        normal=raw.get("normal"),
+        flow=raw.get("flow"),
     )
-
-
-def _truth_from_json(raw: dict[str, Any]) -> Truth:
-    return Truth(
-        tuple(
-            TrackedObject(
-                object_id=item["id"],
-                class_name=item["class"],
-                identity=item["identity"],
-                frames=tuple(sorted(map(_state_from_json, item["frames"]), key=lambda state: state.frame)),
-                source=item.get("source"),
-                licence=item.get("licence"),
-            )
-            for item in raw["objects"]
-        )
-    )
-
-
-def _state_from_json(raw: dict[str, Any]) -> ObjectState:
-    x, y, z = (float(v) for v in raw["position"])
-    qw, qx, qy, qz = (float(v) for v in raw["orientation_wxyz"])
-    boxes = {camera: (float(a), float(b), float(c), float(d)) for camera, (a, b, c, d) in raw["bbox"].items()}
-    return ObjectState(raw["frame"], (x, y, z), (qw, qx, qy, qz), boxes, dict(raw["visible"]))
 
 
 def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
@@ -172,7 +139,7 @@ def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
     capture.folder.mkdir(parents=True, exist_ok=True)
     if capture.truth is not None:
         body["truth"] = "truth.json"
-        _write_json(capture.folder / "truth.json", {"objects": [_object_to_json(o) for o in capture.truth.objects]})
+        _write_json(capture.folder / "truth.json", truth_to_json(capture.truth))
     _write_json(path, body, indent=1)
 
 
@@ -186,20 +153,9 @@ def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
         "world_from_cam": camera.world_from_cam.tolist(),
         "rgb": camera.rgb,
     }
-    optional = {"mask": camera.mask, "depth": camera.depth}
+    optional = {kind: getattr(camera, kind) for kind in OPTIONAL_IMAGES}
     raw |= {key: value for key, value in optional.items() if value is not None}
     return raw | {"time_offset_s": camera.time_offset_s}
-
-
-def _object_to_json(item: TrackedObject) -> dict[str, Any]:
-    optional = {"source": item.source, "licence": item.licence}
-    return {
-        "id": item.object_id,
-        "class": item.class_name,
-        "identity": item.identity,
-        **{key: value for key, value in optional.items() if value is not None},
-        "frames": [dataclasses.asdict(state) for state in item.frames],
-    }
 
 
 def _write_json(path: Path, value: dict[str, Any], indent: int | None = None) -> None:
@@ -221,6 +177,8 @@ def _write_json(path: Path, value: dict[str, Any], indent: int | None = None) ->
 def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capture:
     """The same capture in a turned world: x' = R x for cameras and truth. Images and boxes stay as they are.
 
+    Stored normals are directions of the old world, so their patterns are dropped.
+
     Raises:
         UserError: `rotation` is not orthonormal with determinant 1 (within 1e-6).
     """
@@ -228,24 +186,8 @@ def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capt
         raise UserError("rotate_world: `rotation` must be orthonormal with determinant 1; normalise it first")
     turn = np.eye(4)
     turn[:3, :3] = rotation
-    cameras = tuple(dataclasses.replace(c, world_from_cam=turn @ c.world_from_cam) for c in capture.cameras)
-    truth = None if capture.truth is None else _rotate_truth(capture.truth, rotation)
-    return dataclasses.replace(capture, cameras=cameras, truth=truth)
-
-
-def _rotate_truth(truth: Truth, rotation: Float64[np.ndarray, "3 3"]) -> Truth:
-    return Truth(tuple(dataclasses.replace(o, frames=_rotate_states(o.frames, rotation)) for o in truth.objects))
-
-
-def _rotate_states(states: tuple[ObjectState, ...], rotation: Float64[np.ndarray, "3 3"]) -> tuple[ObjectState, ...]:
-    if not states:
-        return states
-    positions = np.array([state.position for state in states]) @ rotation.T
-    with jax.enable_x64(True):  # the truth is in double precision and stays so
-        turn = quaternion_from_rotation(jnp.asarray(rotation))
-        before = jnp.asarray(np.array([state.orientation_wxyz for state in states]))
-        after = np.asarray(quaternion_multiply(jnp.broadcast_to(turn, before.shape), before))
-    return tuple(
-        dataclasses.replace(state, position=tuple(p.tolist()), orientation_wxyz=tuple(q.tolist()))
-        for state, p, q in zip(states, positions, after, strict=True)
+    cameras = tuple(
+        dataclasses.replace(c, world_from_cam=turn @ c.world_from_cam, normal=None) for c in capture.cameras
     )
+    truth = None if capture.truth is None else rotate_truth(capture.truth, rotation)
+    return dataclasses.replace(capture, cameras=cameras, truth=truth)

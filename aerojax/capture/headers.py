@@ -78,7 +78,8 @@ def _tiff(start: bytes, file: BinaryIO) -> ImageHeader:
     for _ in range(count):
         entry = file.read(12)
         tag, kind, values = struct.unpack(order + "HHI", entry[:8])
-        if kind in (3, 4) and values == 1:  # SHORT or LONG stored in place, TIFF 6.0 §2
+        if (kind, values) in ((3, 1), (3, 2), (4, 1)):  # SHORTs or a LONG stored in place, TIFF 6.0 §2
+            # Two channels have two bit depths; all readers in use want them equal, so the first speaks for both.
             (tags[tag],) = struct.unpack(order + ("H" if kind == 3 else "I"), entry[8 : 10 if kind == 3 else 12])
     if _TIFF_WIDTH not in tags or _TIFF_HEIGHT not in tags:
         raise BrokenImage("is a TIFF without a size")

@@ -9,9 +9,10 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt16
 
-from aerojax.capture.calibration import undistort_image
+from aerojax.capture.calibration import distort_points, undistort_image, undistort_points
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.paths import is_video, locate
+from aerojax.capture.tiff import BrokenTiff, decode_tiff
 from aerojax.capture.video import open_video
 from aerojax.errors import UserError
 
@@ -73,11 +74,10 @@ def read_mask(capture: Capture, camera_index: int, frame: int) -> UInt16[np.ndar
     Raises:
         UserError: the file is missing, damaged, coloured or of another size.
     """
-    camera = capture.cameras[camera_index]
-    index = source_frame(capture, camera_index, frame)
-    if index is None or camera.mask is None:
+    path = _path(capture, camera_index, frame, "mask")
+    if path is None:
         return None
-    path = locate(capture.folder, camera.mask, index)
+    camera = capture.cameras[camera_index]
     mask = _decode(path, cv2.IMREAD_UNCHANGED)
     if mask.ndim != 2 or mask.dtype not in (np.uint8, np.uint16):
         raise UserError(f"{path}: a mask must be a grey 8- or 16-bit image; convert it")
@@ -93,11 +93,10 @@ def read_depth(capture: Capture, camera_index: int, frame: int) -> Float32[np.nd
     Raises:
         UserError: the file is missing, damaged, not float32, of another size, or holds a negative or infinite value.
     """
-    camera = capture.cameras[camera_index]
-    index = source_frame(capture, camera_index, frame)
-    if index is None or camera.depth is None:
+    path = _path(capture, camera_index, frame, "depth")
+    if path is None:
         return None
-    path = locate(capture.folder, camera.depth, index)
+    camera = capture.cameras[camera_index]
     depth = _decode(path, cv2.IMREAD_UNCHANGED)
     if depth.ndim != 2 or depth.dtype != np.float32:
         raise UserError(f"{path}: depth must be one channel of float32; write metres as a float TIFF")
@@ -105,6 +104,88 @@ def read_depth(capture: Capture, camera_index: int, frame: int) -> Float32[np.nd
     if not np.all(np.isfinite(depth) & (depth >= 0)):
         raise UserError(f"{path}: depth must be finite and not negative; write 0 where there is none")
     return _undistorted(depth, camera, blend=False)
+
+
+def read_coverage(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width"] | None:
+    """Share of each pixel that the objects cover, 0..1, undistorted; None as for `read_mask`.
+
+    Raises:
+        UserError: the file is missing, damaged, not grey with 8 bits, or of another size.
+    """
+    path = _path(capture, camera_index, frame, "coverage")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    coverage = _decode(path, cv2.IMREAD_UNCHANGED)
+    if coverage.ndim != 2 or coverage.dtype != np.uint8:
+        raise UserError(f"{path}: coverage must be a grey 8-bit image; write 255 where a pixel is covered whole")
+    _check_size(path, coverage, camera)
+    return cv2.LUT(_undistorted(coverage, camera), _LEVELS)
+
+
+def read_normal(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 3"] | None:
+    """Unit normals of the surfaces in the world frame, 0 where there is none, undistorted; None as for `read_mask`.
+
+    Raises:
+        UserError: the file is missing, damaged, not RGB with 16 bits, or of another size.
+    """
+    path = _path(capture, camera_index, frame, "normal")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    stored = _decode(path, cv2.IMREAD_UNCHANGED)
+    if stored.ndim != 3 or stored.shape[2] != 3 or stored.dtype != np.uint16:
+        raise UserError(f"{path}: normals must be a 16-bit RGB image; write (n + 1)/2·65535")
+    _check_size(path, stored, camera)
+    stored = _undistorted(stored[..., ::-1], camera, blend=False)  # OpenCV decodes to blue, green, red
+    normal = np.zeros(stored.shape, np.float32)
+    some = stored.any(axis=2)
+    directions = stored[some].astype(np.float32) * np.float32(2 / 65535) - 1
+    normal[some] = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), np.float32(1e-9))
+    return normal
+
+
+def read_flow(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 2"] | None:
+    """Where each pixel moves until the next frame, pixels right and down, undistorted; None as for `read_mask`.
+
+    Both ends of a lens-distorted image's vectors are undistorted.
+
+    Raises:
+        UserError: the file is missing, damaged, not float32 with two channels, of another size, or not finite.
+    """
+    path = _path(capture, camera_index, frame, "flow")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    try:
+        flow = decode_tiff(path.read_bytes())
+    except OSError:
+        raise UserError(f"{path}: cannot be read; check the permissions") from None
+    except BrokenTiff as error:
+        raise UserError(f"{path}: the image {error}; write or copy it again") from None
+    if flow.shape[2] != 2:
+        raise UserError(f"{path}: flow must have two channels, has {flow.shape[2]}; write pixels right and down")
+    _check_size(path, flow, camera)
+    if not np.isfinite(flow).all():
+        raise UserError(f"{path}: flow must be finite; write 0 where nothing moves")
+    return flow if camera.distortion_model == "none" else _undistorted_flow(flow, camera)
+
+
+def _undistorted_flow(flow: np.ndarray, camera: CaptureCamera) -> np.ndarray:
+    flow = _undistorted(flow, camera, blend=False)
+    rows, columns = np.nonzero(flow.any(axis=2))
+    starts = np.stack([columns, rows], axis=1) + 0.5
+    lens = camera.K, camera.distortion_model, camera.distortion
+    ends = distort_points(starts, *lens) + flow[rows, columns]
+    flow[rows, columns] = undistort_points(ends, *lens) - starts
+    return flow
+
+
+def _path(capture: Capture, camera_index: int, frame: int, kind: str) -> Path | None:
+    """The file of one kind of image; None without a pattern or where the camera was not recording."""
+    index = source_frame(capture, camera_index, frame)
+    pattern = getattr(capture.cameras[camera_index], kind)
+    return None if index is None or pattern is None else locate(capture.folder, pattern, index)
 
 
 def _decode(path: Path, flags: int) -> np.ndarray:

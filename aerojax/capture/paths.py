@@ -11,7 +11,7 @@ from aerojax.errors import UserError
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v")
 RGB_SUFFIXES = (".png", ".jpg", ".jpeg")
 MASK_SUFFIXES = (".png",)
-DEPTH_SUFFIXES = (".tiff", ".tif")
+FLOAT_SUFFIXES = (".tiff", ".tif")
 
 _LONGEST_PATH = 240  # bytes; what every file system takes as one name
 _PATTERN = re.compile(r"(?P<head>[^{}]*)\{frame(?::0(?P<digits>[1-9]|1[0-9])d)?\}(?P<tail>[^{}]*)")

@@ -17,6 +17,7 @@ from aerojax.capture.validate_files import check_frame_files
 from aerojax.capture.validate_truth import check_truth
 
 FORMAT, VERSION = "aerojax-capture", 1
+OPTIONAL_IMAGES = ("mask", "depth", "coverage", "normal", "flow")
 MOST_FRAMES = 1_000_000  # nine hours at 30 frames per second
 LARGEST_SIDE = 16_384  # above every sensor in use; keeps a forged header from claiming the memory
 LARGEST_JSON = 64 * 2**20  # bytes; ten thousand frames of ten objects in ten cameras stay below it
@@ -133,7 +134,7 @@ class _Placed:
 
 def _check_camera(camera: Any, field: str, findings: Findings) -> _Placed:
     required = ("name", "width", "height", "K", "distortion", "world_from_cam", "rgb")
-    camera = findings.mapping(camera, field, required, ("mask", "depth", "time_offset_s"))
+    camera = findings.mapping(camera, field, required, (*OPTIONAL_IMAGES, "time_offset_s"))
     if camera is None:
         return _Placed(field, None, None)
     name = findings.text(camera["name"], f"{field}.name") if "name" in camera else None

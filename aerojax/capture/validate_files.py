@@ -9,7 +9,7 @@ from typing import Any
 from aerojax.capture.findings import Findings, shown
 from aerojax.capture.headers import BrokenImage, ImageHeader, read_header
 from aerojax.capture.paths import (
-    DEPTH_SUFFIXES,
+    FLOAT_SUFFIXES,
     MASK_SUFFIXES,
     RGB_SUFFIXES,
     frame_paths,
@@ -26,7 +26,13 @@ _KINDS: dict[str, tuple[tuple[str, ...], Callable[[ImageHeader], str | None]]] =
         MASK_SUFFIXES,
         lambda h: None if h.channels == 1 and h.bits in (8, 16) else "is not a grey 8/16-bit image",
     ),
-    "depth": (DEPTH_SUFFIXES, lambda h: None if h.floating and h.bits == 32 and h.channels == 1 else "is not float32"),
+    "depth": (FLOAT_SUFFIXES, lambda h: None if h.floating and h.bits == 32 and h.channels == 1 else "is not float32"),
+    "coverage": (MASK_SUFFIXES, lambda h: None if (h.channels, h.bits) == (1, 8) else "is not a grey 8-bit image"),
+    "normal": (MASK_SUFFIXES, lambda h: None if (h.channels, h.bits) == (3, 16) else "is not a 16-bit RGB image"),
+    "flow": (
+        FLOAT_SUFFIXES,
+        lambda h: None if h.floating and (h.channels, h.bits) == (2, 32) else "is not float32 with two channels",
+    ),
 }
 
 

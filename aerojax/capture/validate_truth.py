@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from aerojax.capture.findings import Findings, shown
+from aerojax.capture.validate_state import (
+    OPTIONAL_STATE,
+    by_camera,
+    check_corners,
+    check_flag,
+    check_joints,
+    check_quaternion,
+    check_seen,
+)
 from aerojax.types import CLASSES
 
 LARGEST_ID = 65_535  # masks are 16-bit images and 0 is the background
@@ -50,7 +58,7 @@ def _check_states(states: list[Any], field: str, cameras: list[str], frames: int
     for index, state in enumerate(states):
         where = f"{field}[{index}]"
         required = ("frame", "position", "orientation_wxyz", "bbox", "visible")
-        state = found.mapping(state, where, required)
+        state = found.mapping(state, where, required, OPTIONAL_STATE)
         if state is None:
             continue
         if "frame" in state:
@@ -62,6 +70,8 @@ def _check_states(states: list[Any], field: str, cameras: list[str], frames: int
                 seen.add(number)
         _check_placement(state, where, found)
         _check_boxes(state, where, cameras, found)
+        check_seen(state, where, cameras, found)
+        check_joints(state.get("joints", {}), f"{where}.joints", found)
     missing = [frame for frame in range(frames or 0) if frame not in seen]
     if missing and len(states) < (frames or 0):
         first = ", ".join(map(str, missing[:5])) + (" …" if len(missing) > 5 else "")
@@ -73,32 +83,21 @@ def _check_placement(state: dict[str, Any], where: str, found: Findings) -> None
     if "position" in state:
         found.numbers(state["position"], f"{where}.position", 3)
     if "orientation_wxyz" in state:
-        quaternion = found.numbers(state["orientation_wxyz"], f"{where}.orientation_wxyz", 4)
-        if quaternion is not None and abs(math.hypot(*quaternion) - 1) > 1e-3:
-            found.add(f"{where}.orientation_wxyz", f"{shown(quaternion)} is not of unit length", "normalise it")
+        check_quaternion(state["orientation_wxyz"], f"{where}.orientation_wxyz", found)
 
 
 def _check_boxes(state: dict[str, Any], where: str, cameras: list[str], found: Findings) -> None:
     boxes, visible = state.get("bbox", {}), state.get("visible", {})
-    for key, value in (("bbox", boxes), ("visible", visible)):
-        if not isinstance(value, dict):
-            found.add(f"{where}.{key}", f"must be an object, is {shown(value)}", "write { camera: … }")
-            continue
-        for camera in sorted(set(value) - set(cameras)):
-            found.add(f"{where}.{key}", f"unknown camera {shown(camera)}", f"cameras are {', '.join(cameras)}")
-    if not isinstance(boxes, dict) or not isinstance(visible, dict):
+    good = [
+        by_camera(value, f"{where}.{key}", cameras, found) for key, value in (("bbox", boxes), ("visible", visible))
+    ]
+    if not all(good):
         return
-    for camera, box in boxes.items():
-        corner_field = f"{where}.bbox.{shown(camera)[1:-1]}"
-        corners = found.numbers(box, corner_field, 4)
-        if corners is not None and (corners[0] >= corners[2] or corners[1] >= corners[3]):
-            found.add(corner_field, f"{shown(corners)} is empty", "write x0, y0, x1, y1 with exclusive ends")
+    check_corners(boxes, f"{where}.bbox", found)
     for camera, flag in visible.items():
-        if not isinstance(flag, bool):
-            found.add(
-                f"{where}.visible.{shown(camera)[1:-1]}",
-                f"must be true or false, is {shown(flag)}",
-                "correct the value",
-            )
-        elif flag and "bbox" in state and camera in cameras and camera not in boxes:
+        if (
+            check_flag(flag, f"{where}.visible.{shown(camera)[1:-1]}", found)
+            and "bbox" in state
+            and (camera in cameras and camera not in boxes)
+        ):
             found.add(f"{where}.bbox", f"visible in {shown(camera)} but without a box there", "add the box")
