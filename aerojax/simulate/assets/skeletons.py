@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
-from aerojax.simulate.assets.authoring import TIME_CODES_PER_SECOND, Part, paint, write_mesh, write_stage
-from aerojax.simulate.assets.shapes import Mesh
-from aerojax.simulate.assets.variation import draw_palette
+from aerojax.simulate.assets.authoring import TIME_CODES_PER_SECOND, write_mesh, write_stage
+from aerojax.simulate.assets.coats import Materials, paint
+from aerojax.simulate.assets.parts import Part
+from aerojax.simulate.assets.shapes import scaled
 
 INFLUENCES = 3
 """Joints a vertex: a wing's root zone blends the body with the arm, its wrist the arm with the hand."""
@@ -67,17 +68,18 @@ class SkinnedAsset:
 
 def write_skinned(path: Path, asset: SkinnedAsset, colour_seed: int) -> None:
     """Write a skinned asset under a SkelRoot whose extent follows the motion."""
-    palette = draw_palette(colour_seed)
-    half_width = max(float(np.abs(p.part.mesh.points[:, 1]).max()) for p in asset.parts)
+    coats = paint(path, tuple(skinned.part for skinned in asset.parts), colour_seed)
 
     def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
+        materials = Materials(stage, root.AppendChild("materials"), coats)
         holder = UsdSkel.Root.Define(stage, root.AppendChild("skin"))
         skeleton = _write_skeleton(stage, holder.GetPath().AppendChild("skeleton"), asset.skeleton)
         animation = _write_motion(stage, skeleton.GetPath().AppendChild("cycle"), asset)
         UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
-        for skinned in asset.parts:
+        for skinned, coat in zip(asset.parts, coats.parts, strict=True):
             child = holder.GetPath().AppendChild(skinned.part.name)
-            mesh = write_mesh(stage, child, skinned.part.mesh, paint(palette, skinned.part, half_width))
+            mesh = write_mesh(stage, child, skinned.part.mesh, coat.linear)
+            materials.bind(mesh, skinned.part, coat)
             _bind(mesh, skinned.weights, skeleton)
         _write_extents(holder, asset.motion)
 
@@ -141,9 +143,6 @@ def _write_extents(root: UsdSkel.Root, motion: Motion) -> None:
 
 def rescaled(asset: SkinnedAsset, factor: float) -> SkinnedAsset:
     """Scale meshes, joints and shifts about the origin."""
-    parts = tuple(
-        SkinnedPart(Part(s.part.name, Mesh(s.part.mesh.points * factor, s.part.mesh.faces), s.part.role), s.weights)
-        for s in asset.parts
-    )
+    parts = tuple(SkinnedPart(replace(s.part, mesh=scaled(s.part.mesh, factor)), s.weights) for s in asset.parts)
     motion = Motion(asset.motion.seconds, asset.motion.quaternion, asset.motion.shift * factor)
     return SkinnedAsset(parts, Skeleton(asset.skeleton.paths, asset.skeleton.pivots * factor), motion)
