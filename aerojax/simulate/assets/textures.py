@@ -60,7 +60,7 @@ def lay_out(mesh: Mesh) -> Atlas:
     while True:
         base = np.clip(np.ceil(size[:, 0] * density), 2, WIDTH * 2 // 3 - 11)  # a cell is at most 1.5 bases wide
         flat = np.stack([base, np.ceil(size[:, 1] * density).clip(1), base * size[:, 2]], axis=1)
-        order = np.lexsort((flat[:, 0], flat[:, 1]))[::-1]
+        order = np.argsort(-flat[:, 1], kind="stable")  # of one height, neighbours in the mesh stay neighbours
         placed, cells = _pairs(flat[order])
         origin, height = _shelves(cells)
         if height <= WIDTH or density < 1.0:
@@ -155,14 +155,26 @@ def compose(
     atlas: Atlas, texels: Texels, srgb: Float[np.ndarray, "texel 3"]
 ) -> tuple[UInt8[np.ndarray, "row column 3"], Float[np.ndarray, "face 3"]]:
     """The image (sRGB) and each face's mean in linear light, over texels inside it or, if none is, near it."""
-    image = np.full((atlas.height, WIDTH, 3), 128, np.uint8)
+    image = np.zeros((atlas.height, WIDTH, 3), np.uint8)
     image[texels.row, texels.column] = np.rint(srgb.clip(0, 1) * 255).astype(np.uint8)
+    image = _filled(image, texels)
     linear = linear_from_srgb(srgb)
     inside = (texels.barycentric.min(axis=1) >= -1e-9) + 1e-6
     faces = len(atlas.corner)
     weight = np.bincount(texels.face, inside, faces)
     mean = np.stack([np.bincount(texels.face, inside * linear[:, i], faces) for i in range(3)], axis=1)
     return image, mean / weight[:, None]
+
+
+def _filled(image: UInt8[np.ndarray, "row column 3"], texels: Texels) -> UInt8[np.ndarray, "row column 3"]:
+    """Texels of no triangle take the nearest colour, so that coarser levels of the image mix in nothing foreign."""
+    free = np.ones(image.shape[:2], np.uint8)
+    free[texels.row, texels.column] = 0
+    _, label = cv2.distanceTransformWithLabels(free, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    flat = np.zeros(label.max() + 1, np.int64)
+    used = np.flatnonzero(free.ravel() == 0)
+    flat[label.ravel()[used]] = used
+    return image.reshape(-1, 3)[flat[label]]
 
 
 def linear_from_srgb(srgb: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
