@@ -130,6 +130,28 @@ def blade(root: float, tip: float, root_chord: float, tip_chord: float, twist: t
     return surface(Sections(edge, chord, np.array([0.0, 0.0, 1.0]), np.full(6, 0.11), 0.02, angle), points=4)
 
 
+def fan(
+    degrees: Float[np.ndarray, "section"],
+    inner: float,
+    outer: Float[np.ndarray, "section"],
+    thickness: tuple[float, float],
+) -> Mesh:
+    """A thin closed sheet in the xy-plane, spread about the origin: tails and crests.
+
+    Args:
+        degrees: direction of each section, increasing; 0 is backward (-x), positive to the left (+y).
+        inner: radius at which every section starts, metres.
+        outer: radius at which each section ends, metres; what it leaves out is a notch or a point.
+        thickness: at the inner and at the outer end, metres.
+    """
+    share = np.linspace(0.0, 1.0, 4)
+    half = (thickness[0] + (thickness[1] - thickness[0]) * share) / 2
+    radius = inner + (outer - inner)[:, None] * np.concatenate([share, share[::-1]])
+    angle = np.deg2rad(degrees)[:, None]
+    z = np.broadcast_to(np.concatenate([half, -half[::-1]]), radius.shape)
+    return loft(np.stack([-radius * np.cos(angle), radius * np.sin(angle), z], axis=-1))
+
+
 @dataclass(frozen=True)
 class RotorShape:
     """A rotor about z through the origin; lengths in metres, pitch in degrees at root and tip."""

@@ -1,0 +1,77 @@
+"""Ranges that groups of bird families share: lengths over the wing span, angles in degrees."""
+
+from __future__ import annotations
+
+from typing import Any
+
+COMMON: dict[str, Any] = {
+    "body_length": (0.24, 0.3),
+    "body_width": (0.1, 0.13),
+    "body_depth": (0.1, 0.13),
+    "neck_length": (0.025, 0.05),
+    "neck_radius": (0.032, 0.042),
+    "neck_rise": (0.0, 0.02),
+    "head_radius": (0.028, 0.036),
+    "bill_length": (0.025, 0.05),
+    "bill_radius": (0.008, 0.012),
+    "tail": "fan",
+    "tail_length": (0.16, 0.22),
+    "tail_width": (0.12, 0.2),
+    "legs": 0.0,
+    "leg_drop": (2.0, 8.0),
+    "body_pitch": (0.0, 8.0),
+    "aspect": (6.0, 8.0),
+    "hand": (0.45, 0.55),
+    "wrist_forward": (0.01, 0.05),
+    "tip_sweep": (0.03, 0.09),
+    "tip": "round",
+    "fingers": 0,
+    "arch": (0.0, 0.02),
+    "wing_place": (0.26, 0.36),
+    "rise": (35.0, 58.0),
+    "fall": (28.0, 48.0),
+    "downstroke": (0.45, 0.6),
+    "fold": (25.0, 50.0),
+    "lag": (0.05, 0.11),
+    "heave": (0.02, 0.06),
+    "beats": (4, 8),
+    "glide_seconds": 0.0,
+    "glide_angle": (2.0, 10.0),
+    "bounding": False,
+    "stroke_plane": (8.0, 18.0),
+    "glide_flex": 0.0,
+    "rock": 0.0,
+    "bill": "cone",
+    "crest": 0.0,
+    "neck_fold": 0.0,
+}
+
+SOARING: dict[str, Any] = COMMON | {
+    "tip": "slotted",
+    "fingers": (4, 6),
+    "aspect": (5.6, 7.4),
+    "beats": (2, 4),
+    "glide_seconds": (0.6, 2.0),
+    "rise": (30.0, 45.0),
+    "fall": (28.0, 40.0),
+    "fold": (15.0, 35.0),
+    "bill_length": (0.018, 0.026),
+    "bill_radius": (0.008, 0.011),
+    "tip_sweep": (0.0, 0.05),
+    "heave": (0.02, 0.05),
+    "bill": "hook",
+    "glide_flex": (4.0, 12.0),
+    "rock": (1.0, 4.0),
+}
+
+LONG_NECKED: dict[str, Any] = COMMON | {
+    "body_length": (0.2, 0.25),
+    "body_width": (0.07, 0.095),
+    "body_depth": (0.075, 0.1),
+    "neck_radius": (0.013, 0.018),
+    "head_radius": (0.017, 0.022),
+    "fold": (15.0, 35.0),
+    "tail_length": (0.09, 0.13),
+    "heave": (0.03, 0.07),
+    "bill": "dagger",
+}
