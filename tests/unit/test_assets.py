@@ -150,12 +150,13 @@ def test_tandem_rotors_counter_rotate_in_step():
 @pytest.mark.parametrize("identity", BIRDS, ids=[i.name for i in BIRDS])
 def test_wings_beat_through_their_stroke(identity, asset):
     mesh = asset(identity)
-    parameters = birds.draw_parameters(identity.family, np.random.default_rng(identity.seed))
+    parameters = birds.draw_parameters(identity.family, np.random.default_rng(identity.seed)).beat
     wing = _part(mesh, "wing_left")
     authored = np.argmax(np.linalg.norm(mesh.vertices_at(0.0)[wing], axis=1))
     flapping = np.linspace(0, parameters.beats / parameters.hertz, 16 * parameters.beats)
     height = np.array([mesh.vertices_at(t)[wing][authored, 2] for t in flapping])
     expected = 0.42 * (np.sin(np.deg2rad(parameters.rise)) + np.sin(np.deg2rad(parameters.fall)))
+    expected *= np.cos(np.deg2rad(parameters.stroke_plane))
     assert 0.5 * expected < np.ptp(height) < 1.5 * expected
 
 
