@@ -1,0 +1,1 @@
+"""Captures in the formats that other people's tools read."""

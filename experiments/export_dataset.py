@@ -1,0 +1,57 @@
+"""Export a data set to COCO, YOLO, MOTChallenge, COLMAP, nerfstudio or Isaac Replicator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from aerojax.capture.exports.export import chosen_formats, export_dataset
+from aerojax.capture.exports.sources import ExportOptions, Placement, ReplicatorLayout, find_sequences
+from experiments.launch import Run, experiment, write_json
+from experiments.progress import progress_bar
+
+
+@dataclass(frozen=True)
+class Config:
+    """What to export, to which formats (one name or a list) and where."""
+
+    preset: str
+    dataset: Path
+    format: Any
+    out: Path
+    images: Placement
+    depth: bool
+    replicator_layout: ReplicatorLayout
+    workers: int
+    overwrite: bool
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """A folder of captures in, `out/<format>` out."""
+    formats = chosen_formats(config.format)
+    sequences = find_sequences(config.dataset)
+    options = ExportOptions(config.images, config.depth, config.replicator_layout)
+    done = {}
+    with progress_bar() as bar:
+        for name in formats:
+            task = bar.add_task(name, total=len(sequences))
+            folder = export_dataset(
+                sequences,
+                name,
+                config.out,
+                options,
+                workers=config.workers,
+                overwrite=config.overwrite,
+                advance=lambda task=task: bar.advance(task),
+            )
+            done[name] = str(folder)
+    write_json(run.directory / "metrics.json", {"sequences": len(sequences), "exports": done})
+    Console().print(f"{len(sequences)} sequences: {', '.join(done.values())}")
+
+
+if __name__ == "__main__":
+    main()
