@@ -53,18 +53,23 @@ def draw_flight(
         motion: `in_place` holds one heading at the origin with an elevation within ±20° (the published Sim-1);
             `flight` moves as the class does.
         rng: source of every draw.
-        max_travel: metres that the whole path may span; a longer one is shrunk to fit the monitored volume and keeps
-            the attitude of the path as drawn.
+        max_travel: metres that the whole path may span; a longer one is flown more slowly to fit the monitored volume,
+            with the attitude that belongs to the slower flight.
     """
     seconds = (np.arange(frames) - (frames - 1) / 2) / fps
     if motion == "in_place":
         heading, elevation = rng.uniform(0, 2 * np.pi), np.deg2rad(rng.uniform(-20, 20))
         attitude = _attitude(np.array([heading]), np.array([-elevation]), np.zeros(1))
         return Flight(np.zeros((frames, 3)), np.repeat(attitude, frames, axis=0))
-    flight = _hover(seconds, rng) if label == "drone" else _forward(_FORWARD[label], label, seconds, rng)
-    span = np.linalg.norm(np.ptp(flight.position, axis=0))
-    shrink = min(1.0, max_travel / max(span, 1e-9))
-    return Flight(flight.position * shrink, flight.world_from_body)
+    if label == "drone":
+        return _hover(seconds, rng, max_travel)
+    return _forward(_FORWARD[label], label, seconds, rng, max_travel)
+
+
+def _fitting(path: Float[np.ndarray, "time 3"], max_travel: float) -> float:
+    """The factor that makes a path span no more than `max_travel`."""
+    span = float(np.linalg.norm(np.ptp(path, axis=0)))
+    return min(1.0, max_travel / max(span, 1e-9))
 
 
 def _attitude(
@@ -87,19 +92,37 @@ def _wobble(seconds: np.ndarray, rng: np.random.Generator, *, amplitude: float, 
     return np.sin(2 * np.pi * seconds[:, None] * frequency + phase) @ weight
 
 
-def _forward(style: _Style, label: str, seconds: np.ndarray, rng: np.random.Generator) -> Flight:
-    speed = rng.uniform(*style.speed)
+def _smooth_step(x: np.ndarray) -> np.ndarray:
+    """0 before 0, 1 after 1, with no jump in slope: 3x² - 2x³."""
+    x = np.clip(x, 0.0, 1.0)
+    return x * x * (3 - 2 * x)
+
+
+def _turn_rate(style: _Style, seconds: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Rate of turn in rad/s: one arc, and in a flight of more than two seconds a change to another one."""
     turn = rng.uniform(-style.turn, style.turn)
-    yaw = rng.uniform(0, 2 * np.pi) + turn * seconds + 0.15 * _wobble(seconds, rng, amplitude=abs(turn))
-    climb = np.deg2rad(rng.uniform(-style.climb, style.climb))
-    velocity = speed * np.stack(
-        [np.cos(climb) * np.cos(yaw), np.cos(climb) * np.sin(yaw), np.full_like(yaw, np.sin(climb))], axis=1
-    )
+    rate = np.full_like(seconds, turn)
+    if seconds[-1] - seconds[0] > 2.0:
+        begin, length = rng.uniform(seconds[0], seconds[-1]), rng.uniform(0.8, 1.6)
+        rate += (rng.uniform(-style.turn, style.turn) - turn) * _smooth_step((seconds - begin) / length)
+    return rate
+
+
+def _forward(style: _Style, label: str, seconds: np.ndarray, rng: np.random.Generator, max_travel: float) -> Flight:
+    """Birds, airplanes and helicopters: arcs with the bank that belongs to them."""
+    speed = rng.uniform(*style.speed)
     step = seconds[1] - seconds[0] if len(seconds) > 1 else 0.0
-    path = np.cumsum(velocity, axis=0) * step
-    position = path - path[len(path) // 2]
+    rate = _turn_rate(style, seconds, rng)
+    turned = np.cumsum(rate) * step
+    sway = 0.15 * _wobble(seconds, rng, amplitude=float(np.abs(rate).max()))
+    yaw = rng.uniform(0, 2 * np.pi) + turned - turned[len(turned) // 2] + sway
+    climb = np.deg2rad(rng.uniform(-style.climb, style.climb))
+    direction = [np.cos(climb) * np.cos(yaw), np.cos(climb) * np.sin(yaw), np.full_like(yaw, np.sin(climb))]
+    path = np.cumsum(speed * np.stack(direction, axis=1), axis=0) * step
+    shrink = _fitting(path, max_travel)
+    position = (path - path[len(path) // 2]) * shrink
     limit = np.deg2rad(style.bank_limit)
-    bank = np.clip(np.arctan(speed * turn / GRAVITY), -limit, limit)
+    bank = np.clip(np.arctan(speed * shrink * rate / GRAVITY), -limit, limit)
     roll = -bank + _wobble(seconds, rng, amplitude=np.deg2rad(3.0))
     pitch = -climb - np.deg2rad(rng.uniform(*style.pitch)) + _wobble(seconds, rng, amplitude=np.deg2rad(2.0))
     if label == "helicopter":
@@ -108,12 +131,29 @@ def _forward(style: _Style, label: str, seconds: np.ndarray, rng: np.random.Gene
     return Flight(position, _attitude(yaw, pitch, roll))
 
 
-def _hover(seconds: np.ndarray, rng: np.random.Generator) -> Flight:
+def _dashes(seconds: np.ndarray, rng: np.random.Generator) -> Float[np.ndarray, "time 3"]:
+    """Path of a multicopter that starts, stops and turns sharply: its velocity changes now and then within a second."""
+    velocity = np.zeros((len(seconds), 3)) + rng.uniform(-3.0, 3.0, 3) * np.array([1.0, 1.0, 0.3])
+    length = seconds[-1] - seconds[0]
+    for _ in range(1 + rng.poisson(0.8 * length)):
+        begin, lasting = rng.uniform(seconds[0], max(seconds[-1], seconds[0] + 1e-6)), rng.uniform(0.4, 1.0)
+        heading, climb = rng.uniform(0, 2 * np.pi), rng.uniform(-0.2, 0.2)
+        # The steepest point of the step is 1.5 times its mean: 5.2 m/s² on average stay below g·tan 40°.
+        change = rng.uniform(1.0, 5.2) * lasting * np.array([np.cos(heading), np.sin(heading), climb])
+        velocity += change * _smooth_step((seconds - begin) / lasting)[:, None]
+    step = seconds[1] - seconds[0] if len(seconds) > 1 else 0.0
+    return np.cumsum(velocity, axis=0) * step
+
+
+def _hover(seconds: np.ndarray, rng: np.random.Generator, max_travel: float) -> Flight:
     """Hover, dash and reversal of a multicopter: tilt follows acceleration, yaw is free."""
-    reach = 10 ** rng.uniform(-1.7, 0.3)  # 2 cm of hover jitter to 2 m of dash
+    reach = 10 ** rng.uniform(-1.7, 0.3)  # 2 cm of hover jitter to 2 m of swaying
     axes = [(_wobble(seconds, rng, amplitude=reach * a)) for a in (1.0, 1.0, 0.4)]
     drift = rng.normal(0, 1.0, 3) * np.array([1.5, 1.5, 0.4]) * rng.uniform(0, 1)
-    position = np.stack(axes, axis=1) + seconds[:, None] * drift
+    path = np.stack(axes, axis=1) + seconds[:, None] * drift
+    if rng.uniform() < 0.5:
+        path = 0.2 * path + _dashes(seconds, rng)
+    position = path * _fitting(path, max_travel)
     acceleration = np.zeros_like(position)
     if len(seconds) > 2:
         step = seconds[1] - seconds[0]

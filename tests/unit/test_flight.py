@@ -106,12 +106,48 @@ def test_a_multicopter_leans_into_its_acceleration():
     assert np.median(np.concatenate(cosines)) > 0.95
 
 
-def test_a_shrunk_flight_keeps_its_shape_and_attitude():
-    wide, narrow = fly("drone", 3, max_travel=1e9), fly("drone", 3, max_travel=0.5)
-    scale = np.linalg.norm(np.ptp(narrow.position, axis=0)) / np.linalg.norm(np.ptp(wide.position, axis=0))
-    assert scale < 0.9
-    np.testing.assert_allclose(narrow.position, wide.position * scale, atol=1e-12)
-    np.testing.assert_array_equal(narrow.world_from_body, wide.world_from_body)
+def lean_of(flown):
+    return np.arccos(np.clip(flown.world_from_body[:, 2, 2], -1.0, 1.0))
+
+
+def test_a_shrunk_flight_keeps_its_shape_and_tilts_less():
+    """Flown in the same time on a shorter path, accelerations shrink with it, and the tilt with them."""
+    checked = 0
+    for seed in range(12):
+        wide, narrow = fly("drone", seed, max_travel=1e9), fly("drone", seed, max_travel=0.5)
+        scale = np.linalg.norm(np.ptp(narrow.position, axis=0)) / np.linalg.norm(np.ptp(wide.position, axis=0))
+        if scale > 0.5:
+            continue
+        checked += 1
+        np.testing.assert_allclose(narrow.position, wide.position * scale, atol=1e-12)
+        acceleration = np.gradient(np.gradient(narrow.position, 1 / 30, axis=0), 1 / 30, axis=0)
+        wanted = np.arctan(np.linalg.norm(acceleration[:, :2], axis=1) / GRAVITY)
+        assert np.abs(lean_of(narrow) - np.minimum(wanted, np.deg2rad(40))).max() < np.deg2rad(16)  # wind
+    assert checked >= 3
+
+
+@pytest.mark.parametrize("label", FORWARD)
+def test_a_slower_arc_is_banked_less(label):
+    wide, narrow = (np.array([np.abs(fly(label, s, max_travel=m).world_from_body[:, 2, 1]).mean() for s in range(30)])
+                    for m in (1e9, 1.0))  # fmt: skip
+    assert narrow.mean() < 0.6 * wide.mean()
+
+
+def test_dashes_turn_sharply_and_tilt_as_far_as_multicopters_do():
+    tilts = [np.rad2deg(lean_of(fly("drone", seed, frames=90, max_travel=1e9)).max()) for seed in range(30)]
+    assert np.quantile(tilts, 0.9) > 20.0 and max(tilts) < 58.0
+    speeds = [np.ptp(np.linalg.norm(np.diff(fly("drone", s, frames=90, max_travel=1e9).position, axis=0), axis=1)) * 30
+              for s in range(30)]  # fmt: skip
+    assert max(speeds) > 4.0 and min(speeds) < 0.6  # some dash, some hover
+
+
+def test_long_flights_change_their_turn():
+    rates = []
+    for seed in range(20):
+        velocity = np.diff(fly("airplane", seed, frames=120, max_travel=1e9).position[:, :2], axis=0)
+        rates.append(np.diff(np.unwrap(np.arctan2(velocity[:, 1], velocity[:, 0]))) * 30)
+    changes = [abs(rate[-10:].mean() - rate[:10].mean()) for rate in rates]
+    assert np.median(changes) > 0.1
 
 
 def test_the_rng_decides():
