@@ -1,152 +1,238 @@
-"""Ray casting of one triangle mesh into a window of a pinhole image: colour, coverage and depth (NVIDIA Warp).
-
-One thread a pixel. Coverage and colour average `samples`² rays on a regular sub-pixel grid; depth belongs to the ray
-through the pixel's centre and is 0 where that ray misses. Everything is in one frame whose origin lies near the mesh,
-so that float32 keeps sub-millimetre depth from kilometres away.
-"""
+"""Ray casting of posed triangle meshes into a pinhole image: colour, coverage, depth, normals, hits (NVIDIA Warp)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, no_type_check
+from typing import Any
 
 import numpy as np
 import warp as wp
 
+from kernels.footprint import CROSSED, footprint_kernel, neighbours
+from kernels.object_rays import Light, Surfaces, View, object_kernel
+from kernels.textures import build_pyramids, linear_of_byte
+
+Colour = tuple[float, float, float]
+WHITE: Colour = (1.0, 1.0, 1.0)
+
 
 @dataclass(frozen=True)
 class Lighting:
-    """Light of a scene, linear: unit vector to the sun, its strength, and hemispheric sky and ground light."""
+    """Light of a scene, linear.
+
+    sun_direction: towards the sun, world frame, any length.
+    sun, sky, ground: irradiance over π of the sun at normal incidence and of the hemispheres above and below.
+    sun_colour, sky_colour, ground_colour: tints of the three.
+    shadows: objects shade themselves and each other.
+    """
 
     sun_direction: tuple[float, float, float] = (0.3, 0.2, 0.93)
     sun: float = 0.45
     sky: float = 0.55
     ground: float = 0.3
+    sun_colour: Colour = WHITE
+    sky_colour: Colour = WHITE
+    ground_colour: Colour = WHITE
+    shadows: bool = False
 
 
 @dataclass(frozen=True)
-class Window:
-    """What one camera sees: linear colour of the covered part, coverage 0..1, depth in metres (0 = none)."""
+class Surface:
+    """The triangles of one object and what they look like.
 
+    faces: vertex indices (face, 3), counter-clockwise seen from outside.
+    albedo: linear reflectance, or the factor of the texture (face, 3).
+    uv: texture coordinates of the corners, v upwards (face, 3, 2).
+    texture: index into `textures` or -1 (face).
+    textures: sRGB bytes (height, width, 3).
+    """
+
+    faces: np.ndarray
+    albedo: np.ndarray
+    uv: np.ndarray
+    texture: np.ndarray
+    textures: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """A camera for rays: K in pixels, float64 rotation `world_from_cam` and centre in metres, world frame, and size."""
+
+    K: np.ndarray
+    rotation: np.ndarray
+    centre: np.ndarray
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What the rays of some pixels met.
+
+    pixels: row * width + column, ascending.
+    colour: linear, mean of the visible samples (pixel, 3).
+    rays: samples cast in a pixel.
+    visible, alone: samples that show an object, and that would if it were the only thing (pixel, object).
+    points: sum of the visible points, world frame relative to each object's origin (pixel, object, 3).
+    depths: sum of the visible depths, metres (pixel, object).
+    depth: of the ray through the pixel's centre, 0 where it meets no object.
+    normal: world frame, towards the camera, at the centre or the sample nearest to it; zero without a hit.
+    object, face, barycentric: of the same point; weights belong to the face's first two corners.
+    winner: object with most samples, -1 without any.
+    """
+
+    pixels: np.ndarray
     colour: np.ndarray
-    coverage: np.ndarray
+    rays: np.ndarray
+    visible: np.ndarray
+    alone: np.ndarray
+    points: np.ndarray
+    depths: np.ndarray
     depth: np.ndarray
+    normal: np.ndarray
+    object: np.ndarray
+    face: np.ndarray
+    barycentric: np.ndarray
+    winner: np.ndarray
 
 
-@no_type_check  # Warp compiles the kernel from its source; a run-time checker around it would hide it
-@lru_cache(maxsize=1)
-def _cast_kernel() -> Any:
-    @wp.func
-    def _direction(rotation: wp.mat33, inverse_focal: wp.vec2, principal: wp.vec2, u: float, v: float) -> wp.vec3:
-        local = wp.vec3((u - principal[0]) * inverse_focal[0], (v - principal[1]) * inverse_focal[1], 1.0)
-        return rotation * local
-
-    @wp.kernel
-    def _cast(
-        mesh: wp.uint64,
-        albedo: wp.array(dtype=wp.vec3),
-        rotation: wp.mat33,
-        centre: wp.vec3,
-        inverse_focal: wp.vec2,
-        principal: wp.vec2,
-        corner: wp.vec2i,
-        width: int,
-        samples: int,
-        to_sun: wp.vec3,
-        strength: wp.vec3,
-        colour_out: wp.array(dtype=wp.vec3),
-        coverage_out: wp.array(dtype=float),
-        depth_out: wp.array(dtype=float),
-    ):
-        tid = wp.tid()
-        x = float(corner[0] + tid % width)
-        y = float(corner[1] + tid // width)
-        # Start every ray one object size before the origin: distances stay small and precise.
-        ahead = rotation[0, 2] * centre[0] + rotation[1, 2] * centre[1] + rotation[2, 2] * centre[2]
-        start = wp.max(-ahead - 4.0, 0.0)
-        total = wp.vec3(0.0, 0.0, 0.0)
-        hits = float(0.0)
-        for i in range(samples):
-            for j in range(samples):
-                u = x + (float(j) + 0.5) / float(samples)
-                v = y + (float(i) + 0.5) / float(samples)
-                direction = _direction(rotation, inverse_focal, principal, u, v)
-                query = wp.mesh_query_ray(mesh, centre + start * direction, direction, 1.0e6)
-                if query.result:
-                    normal = query.normal
-                    if wp.dot(normal, direction) > 0.0:
-                        normal = -normal
-                    up = 0.5 + 0.5 * normal[2]
-                    light = strength[1] * up + strength[2] * (1.0 - up)
-                    light += strength[0] * wp.max(wp.dot(normal, to_sun), 0.0)
-                    total += albedo[query.face] * light
-                    hits += 1.0
-        direction = _direction(rotation, inverse_focal, principal, x + 0.5, y + 0.5)
-        query = wp.mesh_query_ray(mesh, centre + start * direction, direction, 1.0e6)
-        depth = float(0.0)
-        if query.result:
-            depth = start + query.t  # the direction has unit z, so its parameter is the depth along the optical axis
-        colour_out[tid] = total / wp.max(hits, 1.0)
-        coverage_out[tid] = hits / float(samples * samples)
-        depth_out[tid] = depth
-
-    return _cast
+def texture_density(surface: Surface, vertices: np.ndarray) -> np.ndarray:
+    """Texels a metre of each face: the root of its area in texels over its area in square metres; 0 untextured."""
+    a, b, c = (vertices[surface.faces[:, i]].astype(np.float64) for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    first, second = surface.uv[:, 1] - surface.uv[:, 0], surface.uv[:, 2] - surface.uv[:, 0]
+    flat = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0])
+    texels = np.array([t.shape[0] * t.shape[1] for t in surface.textures] + [0], np.float64)[surface.texture]
+    return np.sqrt(flat * texels / np.maximum(area, 1e-12)).astype(np.float32)
 
 
-class MeshCaster:
-    """A posed triangle mesh ready for rays, on the CPU or a GPU.
+class SceneCaster:
+    """Posed objects ready for rays, on the CPU or a GPU.
 
     Args:
-        faces: vertex indices (face, 3).
-        albedo: linear reflectance (face, 3).
-        vertices: any first pose, metres (vertex, 3).
+        surfaces: one an object.
+        vertices: any first pose of each, metres (vertex, 3).
+        scenery: a static Warp mesh that hides and shades objects, and the world position of its frame's origin.
         device: a Warp device name; the default device if None.
     """
 
-    def __init__(self, faces: np.ndarray, albedo: np.ndarray, vertices: np.ndarray, device: str | None = None):
-        wp.init()
-        self._device = wp.get_device(device)
-        points = wp.array(np.ascontiguousarray(vertices, np.float32), dtype=wp.vec3, device=self._device)
-        indices = wp.array(np.ascontiguousarray(faces, np.int32).ravel(), dtype=wp.int32, device=self._device)
-        self._mesh: Any = wp.Mesh(points=points, indices=indices)
-        self._albedo = wp.array(np.ascontiguousarray(albedo, np.float32), dtype=wp.vec3, device=self._device)
-
-    def pose(self, vertices: np.ndarray) -> None:
-        """Move the vertices (metres, frame of the rays) and refit the hierarchy."""
-        self._mesh.points.assign(np.ascontiguousarray(vertices, np.float32))
-        self._mesh.refit()
-
-    def cast(
+    def __init__(
         self,
-        intrinsics: np.ndarray,
-        frame_from_cam: np.ndarray,
-        window: tuple[int, int, int, int],
+        surfaces: tuple[Surface, ...],
+        vertices: tuple[np.ndarray, ...],
         *,
-        lighting: Lighting,
-        samples: int,
-    ) -> Window:
-        """Cast the pixels of `window` = (x0, y0, x1, y1), exclusive ends; float64 camera in, arrays (y, x, …) out."""
+        scenery: Any = None,
+        device: str | None = None,
+    ):
+        self._device = wp.get_device(device)
+        self._scenery = scenery
+        self._meshes = [self._mesh(s.faces, v) for s, v in zip(surfaces, vertices, strict=True)]
+        self._neighbours = [self._array(neighbours(s.faces).ravel(), wp.int32) for s in surfaces]
+        self._origins = np.zeros((len(surfaces), 3))
+        self._radii = np.ones(len(surfaces), np.float32)
+        self._surfaces = self._upload(surfaces, vertices)
+
+    def _array(self, values: np.ndarray, kind: Any) -> Any:
+        return wp.array(np.ascontiguousarray(values), dtype=kind, device=self._device)
+
+    def _mesh(self, faces: np.ndarray, vertices: np.ndarray) -> Any:
+        points = self._array(vertices.astype(np.float32), wp.vec3)
+        return wp.Mesh(points=points, indices=self._array(faces.astype(np.int32).ravel(), wp.int32))
+
+    def _upload(self, surfaces: tuple[Surface, ...], vertices: tuple[np.ndarray, ...]) -> Any:
+        counts = np.array([len(s.faces) for s in surfaces])
+        shift = np.cumsum([0, *(len(s.textures) for s in surfaces)])
+        texture = [np.where(s.texture >= 0, s.texture + at, -1) for s, at in zip(surfaces, shift, strict=False)]
+        pyramids = build_pyramids(tuple(t for s in surfaces for t in s.textures))
+        density = [texture_density(s, v) for s, v in zip(surfaces, vertices, strict=True)]
+        packed = Surfaces()
+        packed.meshes = self._array(np.array([m.id for m in self._meshes], np.uint64), wp.uint64)
+        packed.first_face = self._array((np.cumsum(counts) - counts).astype(np.int32), wp.int32)
+        packed.albedo = self._array(np.concatenate([s.albedo for s in surfaces]).astype(np.float32), wp.vec3)
+        packed.uv = self._array(np.concatenate([s.uv.reshape(-1, 2) for s in surfaces]).astype(np.float32), wp.vec2)
+        packed.texture = self._array(np.concatenate(texture).astype(np.int32), wp.int32)
+        packed.density = self._array(np.concatenate(density), wp.float32)
+        packed.texels = self._array(pyramids.texels, wp.uint8)
+        packed.linear = self._array(linear_of_byte(), wp.float32)
+        packed.level_start = self._array(pyramids.start, wp.int32)
+        packed.level_size = self._array(pyramids.size, wp.vec2i)
+        packed.first_level = self._array(pyramids.first, wp.int32)
+        packed.level_count = self._array(pyramids.count, wp.int32)
+        packed.scenery = wp.uint64(self._scenery.id if self._scenery is not None else 0)
+        return packed
+
+    def pose(self, index: int, turned: np.ndarray, origin: np.ndarray) -> None:
+        """Move an object: vertices relative to `origin` (metres, world axes), which is given in the world frame."""
+        self._meshes[index].points.assign(np.ascontiguousarray(turned, np.float32))
+        self._meshes[index].refit()
+        self._origins[index] = origin
+        self._radii[index] = float(np.linalg.norm(turned, axis=1).max()) * 1.01 + 0.01
+
+    def origin(self, index: int) -> np.ndarray:
+        """World position of an object's frame."""
+        return self._origins[index].copy()
+
+    def footprint(self, index: int, camera: Pinhole, window: tuple[int, int, int, int]) -> np.ndarray:
+        """Marks (row, column) of the pixels of a window that an object may touch; see `kernels.footprint`."""
         x0, y0, x1, y1 = window
-        width, height = x1 - x0, y1 - y0
-        count = width * height
-        colour = wp.empty(count, dtype=wp.vec3, device=self._device)
-        coverage = wp.empty(count, dtype=float, device=self._device)
-        depth = wp.empty(count, dtype=float, device=self._device)
-        sun = np.asarray(lighting.sun_direction, np.float64)
+        marks = wp.zeros((y1 - y0, x1 - x0), dtype=wp.int32, device=self._device)
+        mesh = self._meshes[index]
         arguments = [
-            self._mesh.id,
-            self._albedo,
-            wp.mat33(*frame_from_cam[:3, :3].ravel().tolist()),
-            wp.vec3(*frame_from_cam[:3, 3].tolist()),
-            wp.vec2(1.0 / float(intrinsics[0, 0]), 1.0 / float(intrinsics[1, 1])),
-            wp.vec2(float(intrinsics[0, 2]), float(intrinsics[1, 2])),
+            mesh.points,
+            mesh.indices,
+            self._neighbours[index],
+            wp.mat33(*camera.rotation.ravel().tolist()),
+            wp.vec3(*(camera.centre - self._origins[index]).tolist()),
+            wp.vec2(float(camera.K[0, 0]), float(camera.K[1, 1])),
+            wp.vec2(float(camera.K[0, 2]), float(camera.K[1, 2])),
             wp.vec2i(x0, y0),
-            width,
-            samples,
-            wp.vec3(*(sun / np.linalg.norm(sun)).tolist()),
-            wp.vec3(lighting.sun, lighting.sky, lighting.ground),
         ]
-        wp.launch(_cast_kernel(), dim=count, inputs=arguments, outputs=[colour, coverage, depth], device=self._device)
-        shape = (height, width)
-        return Window(colour.numpy().reshape(*shape, 3), coverage.numpy().reshape(shape), depth.numpy().reshape(shape))
+        count = len(mesh.indices) // 3
+        wp.launch(footprint_kernel(), dim=count, inputs=arguments, outputs=[marks], device=self._device)
+        return marks.numpy()
+
+    def cast(self, camera: Pinhole, pixels: np.ndarray, marks: np.ndarray, *, lighting: Lighting, samples: int) -> Hits:
+        """Cast `samples`² rays a pixel marked CROSSED (fewer elsewhere) and one through its centre."""
+        count, objects = len(pixels), len(self._meshes)
+        kernel = object_kernel()
+        kinds = [wp.vec3, wp.int32, wp.int32, wp.int32, wp.vec3, wp.float32, wp.float32, wp.vec3, wp.vec3i, wp.vec2]
+        shapes: list[Any] = [count, count, *[(count, objects)] * 4, count, count, count, count]
+        outputs = [wp.empty(s, dtype=k, device=self._device) for s, k in zip(shapes, kinds, strict=True)]
+        relative = camera.centre - self._origins
+        self._surfaces.centres = self._array(relative.astype(np.float32), wp.vec3)
+        self._surfaces.radii = self._array(self._radii, wp.float32)
+        crossed = marks == CROSSED
+        inputs = [
+            self._array(pixels.astype(np.int32), wp.int32),
+            self._array((crossed | (self._scenery is not None)).astype(np.uint8), wp.uint8),
+            self._view(camera, samples),
+            _light(lighting),
+            self._surfaces,
+        ]
+        wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, device=self._device)
+        colour, rays, visible, alone, points, depths, depth, normal, hit, weights = (o.numpy() for o in outputs)
+        # Points are relative to the object's own frame; sums stay exact because the frame is near.
+        return Hits(
+            pixels, colour, rays, visible, alone, points, depths, depth, normal,
+            object=hit[:, 0], face=hit[:, 1], barycentric=weights, winner=hit[:, 2],
+        )  # fmt: skip
+
+    def _view(self, camera: Pinhole, samples: int) -> Any:
+        view = View()
+        view.rotation = wp.mat33(*camera.rotation.ravel().tolist())
+        view.inverse_focal = wp.vec2(1.0 / float(camera.K[0, 0]), 1.0 / float(camera.K[1, 1]))
+        view.principal = wp.vec2(float(camera.K[0, 2]), float(camera.K[1, 2]))
+        view.scenery_centre = wp.vec3(*camera.centre.tolist())
+        view.width, view.samples, view.count = camera.width, samples, len(self._meshes)
+        return view
+
+
+def _light(lighting: Lighting) -> Any:
+    light = Light()
+    direction = np.asarray(lighting.sun_direction, np.float64)
+    light.to_sun = wp.vec3(*(direction / np.linalg.norm(direction)).tolist())
+    light.sun = wp.vec3(*(lighting.sun * np.asarray(lighting.sun_colour)).tolist())
+    light.sky = wp.vec3(*(lighting.sky * np.asarray(lighting.sky_colour)).tolist())
+    light.ground = wp.vec3(*(lighting.ground * np.asarray(lighting.ground_colour)).tolist())
+    light.shadows = int(lighting.shadows)
+    return light

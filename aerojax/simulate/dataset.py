@@ -1,4 +1,4 @@
-"""Sequences of the simulator, written as captures with full truth."""
+"""Sequences of one identity before a randomly drawn rig: for training clips and samples."""
 
 from __future__ import annotations
 
@@ -6,22 +6,16 @@ import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from aerojax.capture.format import Capture, CaptureCamera, ObjectState, TrackedObject, Truth, write_capture_json
-from aerojax.capture.write import write_frame
-from aerojax.geometry.boxes import tight_box
-from aerojax.geometry.rotations import quaternion_from_rotation
+from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.simulate.assets.catalogue import Identity, build_identity
 from aerojax.simulate.flight import Flight, Motion, draw_flight
-from aerojax.simulate.render import Rendering, linear_from_srgb, render_object
+from aerojax.simulate.record import Actor, ScenePlan, record_scene
+from aerojax.simulate.render import Dome, ImageConfig
 from aerojax.simulate.rigs import RigConfig, draw_rig
-from aerojax.simulate.scene import author_scene, body_poses
-from aerojax.simulate.usd_scene import AnimatedMesh, load_animated_mesh
-from kernels.raytrace import Lighting, MeshCaster
+from kernels.raytrace import Lighting
 
 
 @dataclass(frozen=True)
@@ -97,17 +91,13 @@ def simulate_sequence(identity: Identity, config: SequenceConfig, *, seed: int, 
         assets: folder of identity stages, shared by sequences.
     """
     plan = draw_sequence(identity.label, config, seed=seed)
-    asset = build_identity(identity, assets)
-    folder.mkdir(parents=True, exist_ok=True)
-    scene = folder / "scene.usda"
-    author_scene(scene, asset, plan.flight, plan.cameras, fps=config.fps, origin=plan.origin)
-    states = _render_frames(load_animated_mesh(asset), body_poses(scene), plan, config, folder)
-    truth = Truth(
-        (TrackedObject(1, identity.label, identity.name, tuple(states), source="aerojax", licence="Apache-2.0"),)
-    )
-    capture = Capture(folder, config.fps, config.frames, plan.cameras, truth)
-    write_capture_json(capture)
-    return capture
+    flight = Flight(plan.flight.position + plan.origin, plan.flight.world_from_body)
+    actor = Actor(identity, build_identity(identity, assets), flight, plan.phase)
+    domes = {camera.name: dome for camera, dome in zip(plan.cameras, plan.domes, strict=True)}
+    images = ImageConfig(samples=config.samples, depth=config.depth, coverage=False)
+    environment = Dome(light=plan.lighting, by_camera=domes)
+    scene = ScenePlan((actor,), plan.cameras, plan.cameras, environment, images, config.frames, config.fps)
+    return record_scene(scene, folder)[0]
 
 
 def _draw_light(
@@ -120,33 +110,3 @@ def _draw_light(
     skies = rng.uniform([0.45, 0.55, 0.65], [0.85, 0.9, 1.0], (cameras, 3))
     domes = ((1.0, 1.0, 1.0) if config.white_dome else (float(s[0]), float(s[1]), float(s[2])) for s in skies)
     return lighting, tuple(domes)
-
-
-def _render_frames(
-    mesh: AnimatedMesh, poses: np.ndarray, plan: SequencePlan, config: SequenceConfig, folder: Path
-) -> list[ObjectState]:
-    caster = MeshCaster(mesh.faces, linear_from_srgb(mesh.albedo), mesh.vertices_at(plan.phase))
-    with jax.enable_x64(True):
-        quaternions = np.asarray(quaternion_from_rotation(jnp.asarray(poses[:, :3, :3])))
-    states = []
-    for frame, pose in enumerate(poses):
-        origin = pose[:3, 3]
-        turned = mesh.vertices_at(plan.phase + frame / config.fps).astype(np.float64) @ pose[:3, :3].T
-        caster.pose(turned)
-        boxes: dict[str, tuple[float, float, float, float]] = {}
-        for camera, dome in zip(plan.cameras, plan.domes, strict=True):
-            image = render_object(
-                caster, turned + origin, origin, camera, lighting=plan.lighting, samples=config.samples, dome=dome
-            )
-            _write(folder, camera, frame, image)
-            box = tight_box(image.mask)
-            if box is not None:
-                boxes[camera.name] = box
-        position, quaternion = tuple(origin.tolist()), tuple(quaternions[frame].tolist())
-        states.append(ObjectState(frame, position, quaternion, boxes, {c.name: c.name in boxes for c in plan.cameras}))
-    return states
-
-
-def _write(folder: Path, camera: CaptureCamera, frame: int, image: Rendering) -> None:
-    depth = image.depth if camera.depth is not None else None
-    write_frame(folder, camera, frame, image.rgb, image.mask.astype(np.uint16), depth)

@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int, UInt16
+from jaxtyping import Float, Int, Int32, UInt8, UInt16
 from pxr import Gf, Tf, Usd, UsdGeom
 
 from aerojax.errors import UserError
+from aerojax.simulate.usd_joints import EvaluateJoints, joint_evaluators
+from aerojax.simulate.usd_materials import TextureShelf, face_looks
 from aerojax.simulate.usd_skinning import Evaluate, skinned, skinned_prims, transformed
 
 
@@ -18,7 +20,10 @@ class AnimatedMesh:
     """The triangles of an asset and where their vertices are at any time.
 
     faces: vertex indices, counter-clockwise seen from outside.
-    albedo: sRGB, 0..1.
+    albedo: sRGB, 0..1; white where a texture gives the colour.
+    uv: texture coordinates of the corners, v upwards; zero without a texture.
+    texture: index into `textures`, -1 without one.
+    textures: sRGB bytes, top row first.
     part: index into `part_names`.
     part_names: paths of the USD meshes.
     cycle_seconds: length of the animation; 0 if nothing moves.
@@ -26,41 +31,55 @@ class AnimatedMesh:
 
     faces: Int[np.ndarray, "face 3"]
     albedo: Float[np.ndarray, "face 3"]
+    uv: Float[np.ndarray, "face 3 2"]
+    texture: Int32[np.ndarray, "face"]
+    textures: tuple[UInt8[np.ndarray, "_ _ 3"], ...]
     part: UInt16[np.ndarray, "face"]
     part_names: tuple[str, ...]
     cycle_seconds: float
     _stage: Usd.Stage = field(repr=False)  # prims do not keep their stage alive
     _evaluate: tuple[Evaluate, ...] = field(repr=False)
+    _joints: tuple[EvaluateJoints, ...] = field(repr=False)
     _time_codes_per_second: float = field(repr=False)
     _first_time_code: float = field(repr=False)
 
     def vertices_at(self, seconds: float) -> Float[np.ndarray, "vertex 3"]:
         """Vertices in the body frame, metres; the animation repeats after `cycle_seconds`, before and after 0."""
-        inside = seconds % self.cycle_seconds if self.cycle_seconds > 0 else 0.0
-        time = self._first_time_code + inside * self._time_codes_per_second
+        time = self._time_code(seconds)
         return np.concatenate([evaluate(time) for evaluate in self._evaluate]).astype(np.float32, copy=False)
+
+    def joints_at(self, seconds: float) -> dict[str, Float[np.ndarray, "4 4"]]:
+        """Rigid `body_from_joint` of skeleton joints and animated prims (rotors), metres, by name."""
+        time = self._time_code(seconds)
+        return {name: pose for joints in self._joints for name, pose in joints(time).items()}
+
+    def _time_code(self, seconds: float) -> float:
+        inside = seconds % self.cycle_seconds if self.cycle_seconds > 0 else 0.0
+        return self._first_time_code + inside * self._time_codes_per_second
 
 
 def load_animated_mesh(path: Path) -> AnimatedMesh:
     """Open a USD file and prepare every visible mesh in it.
 
     Stages in other units or with +Y up are brought to metres and +Z up. Polygons are split into fans. Colours come from
-    `displayColor` (linear) and are grey where it is absent.
+    the bound materials (see `usd_materials`), else from `displayColor` (linear), and are grey where both are absent.
 
     Raises:
-        UserError: if the file does not exist, cannot be opened, or holds no mesh.
+        UserError: if the file does not exist, cannot be opened, or holds no mesh, or a texture is
+            missing.
     """
     stage = _open(path)
     body_from_stage = _body_from_stage(stage)
     bindings = skinned_prims(stage)
-    faces, albedo, part, names, evaluate, offset = [], [], [], [], [], 0
+    faces, looks, part, names, evaluate, offset = [], [], [], [], [], 0
+    shelf = TextureShelf()
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh) or UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
             continue
         mesh = UsdGeom.Mesh(prim)
-        triangles, polygon = _triangles(mesh)
+        triangles, corners, polygon = _triangles(mesh)
         faces.append(triangles + offset)
-        albedo.append(_albedo(mesh, triangles, polygon))
+        looks.append(face_looks(mesh, triangles, corners, polygon, shelf))
         part.append(np.full(len(triangles), len(names), np.uint16))
         names.append(str(prim.GetPath()))
         binding = bindings.get(prim.GetPath())
@@ -71,12 +90,16 @@ def load_animated_mesh(path: Path) -> AnimatedMesh:
     rate = stage.GetTimeCodesPerSecond()
     return AnimatedMesh(
         faces=np.concatenate(faces).astype(np.int32),
-        albedo=np.concatenate(albedo).astype(np.float32),
+        albedo=np.concatenate([look.albedo for look in looks]).astype(np.float32),
+        uv=np.concatenate([look.uv for look in looks]).astype(np.float32),
+        texture=np.concatenate([look.texture for look in looks]),
+        textures=tuple(shelf.pictures),
         part=np.concatenate(part),
         part_names=tuple(names),
         cycle_seconds=max(0.0, (stage.GetEndTimeCode() - stage.GetStartTimeCode()) / rate),
         _stage=stage,
         _evaluate=tuple(evaluate),
+        _joints=joint_evaluators(stage, body_from_stage),
         _time_codes_per_second=rate,
         _first_time_code=stage.GetStartTimeCode(),
     )
@@ -99,40 +122,21 @@ def _body_from_stage(stage: Usd.Stage) -> Gf.Matrix4d:
     return matrix
 
 
-def _triangles(mesh: UsdGeom.Mesh) -> tuple[Int[np.ndarray, "face 3"], Int[np.ndarray, "face"]]:
-    """Fan triangles and the polygon each comes from."""
+def _triangles(
+    mesh: UsdGeom.Mesh,
+) -> tuple[Int[np.ndarray, "face 3"], Int[np.ndarray, "face 3"], Int[np.ndarray, "face"]]:
+    """Fan triangles as vertex indices and as positions among the face vertices, and the polygon each comes from."""
     time = Usd.TimeCode.EarliestTime()
     counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
-    corners = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
+    vertices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
     start = np.cumsum(counts) - counts
     polygon = np.repeat(np.arange(len(counts)), np.maximum(counts - 2, 0))
     step = np.arange(len(polygon)) - np.searchsorted(polygon, polygon)
     first = start[polygon]
-    triangles = np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+    corners = np.stack([first, first + step + 1, first + step + 2], axis=1)
     if mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
-        triangles = triangles[:, ::-1]
-    return triangles, polygon
-
-
-def _albedo(
-    mesh: UsdGeom.Mesh, triangles: Int[np.ndarray, "face 3"], polygon: Int[np.ndarray, "face"]
-) -> Float[np.ndarray, "face 3"]:
-    """One sRGB colour a triangle from `displayColor`, whatever its interpolation."""
-    variable = UsdGeom.PrimvarsAPI(mesh).FindPrimvarWithInheritance("displayColor")
-    values = variable.ComputeFlattened(Usd.TimeCode.EarliestTime()) if variable else None
-    if not values:
-        return np.full((len(triangles), 3), 0.5)
-    linear, kind = np.asarray(values, np.float64), variable.GetInterpolation()
-    if kind == UsdGeom.Tokens.uniform:
-        linear = linear[polygon]
-    elif kind in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
-        linear = linear[triangles].mean(axis=1)
-    elif kind == UsdGeom.Tokens.faceVarying:
-        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(Usd.TimeCode.EarliestTime()))
-        linear = np.add.reduceat(linear, np.cumsum(counts) - counts)[polygon] / counts[polygon, None]
-    else:
-        linear = np.broadcast_to(linear[0], (len(triangles), 3))
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clip(1e-9) ** (1 / 2.4) - 0.055).clip(0, 1)
+        corners = corners[:, ::-1]
+    return vertices[corners], corners, polygon
 
 
 def _moving(mesh: UsdGeom.Mesh, body_from_stage: Gf.Matrix4d) -> Evaluate:

@@ -18,7 +18,8 @@ from aerojax.simulate.assets.catalogue import build_identity, identities
 from aerojax.simulate.render import MASK_THRESHOLD
 from aerojax.simulate.usd_scene import load_animated_mesh
 from aerojax.types import SH_C0, Camera, View
-from kernels.raytrace import Lighting, MeshCaster
+from kernels.raytrace import Lighting
+from kernels.single_mesh import MeshCaster
 
 SIZE = 96
 CONFIG = HullConfig(grid=40, capacity=4096)

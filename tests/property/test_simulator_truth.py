@@ -18,7 +18,7 @@ from aerojax.simulate.render import projected_box, render_object
 from aerojax.simulate.rigs import RigConfig
 from aerojax.simulate.scene import body_poses
 from aerojax.simulate.usd_scene import load_animated_mesh
-from kernels.raytrace import MeshCaster
+from kernels.single_mesh import MeshCaster
 
 # Depth belongs to pixel centres, masks to pixels covered by a quarter: the fewer pixels a thin part spans, the more of
 # its mask has no depth (85 to 93 % of the mask has one at 100 px a metre).
