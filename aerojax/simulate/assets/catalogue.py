@@ -23,6 +23,8 @@ from aerojax.simulate.assets import (
     multicopters,
 )
 from aerojax.simulate.assets.authoring import Asset, write_asset
+from aerojax.simulate.assets.imported_convert import convert_model
+from aerojax.simulate.assets.imported_models import ImportedModel
 from aerojax.simulate.assets.skeletons import write_skinned
 from aerojax.simulate.assets.variation import seed_of
 from aerojax.types import CLASSES
@@ -97,6 +99,7 @@ class Identity:
     family: the ranges that its parameters are drawn from.
     seed: of its shape, motion and colours.
     split: "train", "val" or "test".
+    model: a user's own model that it is made of instead of a family; None for a procedural one.
     """
 
     name: str
@@ -104,6 +107,7 @@ class Identity:
     family: str
     seed: int
     split: str
+    model: ImportedModel | None = None
 
 
 def identities(split: str, per_class: int | None = None, *, per_family: int = 1) -> tuple[Identity, ...]:
@@ -152,9 +156,12 @@ def build_identity(identity: Identity, folder: Path) -> Path:
     The stage appears in one step and after its texture, so several processes may build into one folder.
 
     Raises:
-        UserError: if the identity names an unknown class or family.
+        UserError: if the identity names an unknown class or family, or its own model cannot be converted.
     """
     path = folder / f"{identity.name}.usdc"
+    if identity.model is not None:
+        convert_model(identity.model, path)
+        return path
     families = SPLITS.get(identity.label, {})
     if not any(identity.family in names for names in families.values()):
         raise UserError(f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}")
