@@ -1,0 +1,115 @@
+"""Draw one sheet a class that shows every identity in two poses, with its name and split."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from rich.console import Console
+
+from aerojax.errors import UserError
+from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
+from aerojax.simulate.portrait import Sitter, encoded
+from aerojax.simulate.usd_scene import load_animated_mesh
+from experiments.launch import Run, experiment
+from experiments.progress import progress_bar
+from kernels.raytrace import Lighting
+
+CAPTION = 18
+"""Rows below each identity for its name."""
+
+
+@dataclass(frozen=True)
+class SheetConfig:
+    """How a sheet looks.
+
+    views: azimuth and elevation of the camera (degrees) and the share of the animation, one for each picture.
+    columns: identities side by side. width, height: pixels of one picture. samples: rays along each side of a pixel.
+    backdrop: linear grey. largest_bytes: of a sheet's file; its JPEG quality is lowered until it fits.
+    """
+
+    views: tuple[tuple[float, float, float], ...]
+    columns: int
+    width: int
+    height: int
+    samples: int
+    backdrop: float
+    largest_bytes: int
+
+
+@dataclass(frozen=True)
+class Config:
+    """Whose sheets are drawn, and where they go."""
+
+    preset: str
+    out: Path | None
+    assets: Path
+    splits: tuple[str, ...]
+    labels: tuple[str, ...]
+    sheet: SheetConfig
+
+
+def cell(identity: Identity, assets: Path, sheet: SheetConfig) -> UInt8[np.ndarray, "row column 3"]:
+    """An identity's pictures side by side above its caption, sRGB."""
+    mesh = load_animated_mesh(build_identity(identity, assets))
+    sitter, pictures = Sitter(mesh), []
+    for azimuth, elevation, share in sheet.views:
+        size = {"width": sheet.width, "height": sheet.height, "samples": sheet.samples}
+        seconds = share * mesh.cycle_seconds
+        portrait = sitter.portrait(seconds, azimuth, elevation, lighting=Lighting(sun=0.6, sky=0.5), **size)
+        pictures.append(encoded(portrait.over(sheet.backdrop)))
+    drawn = np.concatenate(pictures, axis=1)
+    caption = np.full((CAPTION, drawn.shape[1], 3), 255, np.uint8)
+    text = f"{identity.name.removeprefix(identity.label + '_')} - {identity.split}"
+    scale = min(0.4, 0.4 * drawn.shape[1] / (8.0 * len(text)))
+    cv2.putText(caption, text, (3, 13), cv2.FONT_HERSHEY_SIMPLEX, scale, (20, 20, 20), 1, cv2.LINE_AA)
+    return np.pad(np.concatenate([drawn, caption]), ((0, 4), (0, 4), (0, 0)), constant_values=255)
+
+
+def arranged(cells: list[UInt8[np.ndarray, "row column 3"]], columns: int) -> UInt8[np.ndarray, "row column 3"]:
+    """Cells of one size in rows of `columns`, the last row filled with white."""
+    blank = np.full_like(cells[0], 255)
+    cells = cells + [blank] * (-len(cells) % columns)
+    rows = [np.concatenate(cells[i : i + columns], axis=1) for i in range(0, len(cells), columns)]
+    return np.concatenate(rows)
+
+
+def write_jpeg(path: Path, image: UInt8[np.ndarray, "row column 3"], largest_bytes: int) -> int:
+    """Write the best JPEG that is not larger; its size in bytes.
+
+    Raises:
+        UserError: if even quality 30 is larger.
+    """
+    for quality in range(92, 29, -4):
+        data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+        if len(data) <= largest_bytes:
+            path.write_bytes(data)
+            return len(data)
+    raise UserError(f"{path} takes more than sheet.largest_bytes={largest_bytes}; make sheet.width and height smaller")
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Write `<label>.jpg` for every class."""
+    folder = config.out or run.directory
+    folder.mkdir(parents=True, exist_ok=True)
+    everyone = [i for split in config.splits for i in identities(split)]
+    with progress_bar() as bar:
+        task = bar.add_task("identities", total=len(everyone))
+        for label in config.labels:
+            cells = []
+            for identity in (i for i in everyone if i.label == label):
+                cells.append(cell(identity, config.assets, config.sheet))
+                bar.advance(task)
+            if not cells:
+                raise UserError(f"labels: no identity of class {label!r}; choose of bird, drone, airplane, helicopter")
+            image = arranged(cells, config.sheet.columns)
+            size = write_jpeg(folder / f"{label}.jpg", image, config.sheet.largest_bytes)
+            Console().print(f"{folder / label}.jpg: {len(cells)} identities, {size // 1000} kB", soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()
