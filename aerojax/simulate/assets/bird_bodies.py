@@ -86,7 +86,7 @@ def crest(p: BirdShape) -> Mesh | None:
     # Ragged like single feathers: every second one ends early.
     length = p.crest * (1 - 0.25 * (np.arange(9) % 2)) * np.interp(angle, [0, 40, 80], [0.9, 1.0, 0.7])
     flat = fan(angle, 0.3 * p.head_radius, 0.3 * p.head_radius + length, (0.12 * p.head_radius, 0.002))
-    place = (p.front + p.neck_length + 1.0 * p.head_radius, 0.0, p.neck_rise + 0.55 * p.head_radius)
+    place = (p.front + p.neck_length + 1.0 * p.head_radius, 0.0, p.neck_rise + 0.75 * p.head_radius)
     return moved(flat, place, rotation_about((1.0, 0.0, 0.0), 90.0))
 
 
@@ -95,10 +95,10 @@ def tail(p: BirdShape) -> Mesh:
     n = p.tail_length
     base = min(0.28 * p.body_width, 0.4 * p.tail_width)
     spread = np.arcsin(np.clip((p.tail_width / 2 - base) / n, 0.03, 0.95))
-    # Sections crowd towards the edges, where the ends of forked tails bend most.
-    across = np.sin(np.linspace(-0.5, 0.5, 19) * np.pi)
+    across = np.linspace(-1.0, 1.0, 25)
+    notch = 1 - 0.03 * (np.arange(25) % 2)  # every second section lies where two feathers meet
     hub = base / np.sin(spread)
-    flat = fan(np.degrees(spread) * across, hub, hub + n * TAILS[p.tail](np.abs(across)), (0.008, 0.002))
+    flat = fan(np.degrees(spread) * across, hub, hub + n * notch * TAILS[p.tail](np.abs(across)), (0.008, 0.002))
     return moved(flat, (p.rump + hub * float(np.cos(spread)), 0.0, 0.0))
 
 

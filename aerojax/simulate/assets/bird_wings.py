@@ -34,16 +34,27 @@ def planform(p: BirdShape, share: Float[np.ndarray, "n"]) -> tuple[Float[np.ndar
     return np.stack([x, 0.5 * share, z], axis=1), width / (p.aspect * mean)
 
 
+def _feathers(p: BirdShape) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Sections at shares of the half span, three a flight feather, and how much of the chord each keeps.
+
+    Where two feathers meet the trailing edge is notched by a twentieth of the chord.
+    """
+    wrist, end = 1 - p.hand, 0.8 if p.slotted else 1.0
+    arm = np.linspace(0.04, wrist, 8)
+    hand = wrist + (end - wrist) * (1 - (1 - np.linspace(0, 1, 11)) ** 1.4)
+    bound = np.concatenate([arm, hand[1:]])
+    share = bound[:-1, None] + np.diff(bound)[:, None] * np.array([0.0, 0.3, 0.75])
+    keep = np.tile([0.95, 1.0, 1.0], (len(bound) - 1, 1))
+    return np.append(share, end), np.append(keep, 0.95)
+
+
 def wing(p: BirdShape) -> Mesh:
     """The left wing, level, from inside the body to the tip."""
-    wrist, reach = 1 - p.hand, 0.8 if p.slotted else 1.0
-    hand = np.array([0.15, 0.3, 0.45, 0.6, 0.74, 0.86, 0.94, 1.0])
-    share = np.concatenate([np.linspace(0.04, wrist, 7), wrist + p.hand * hand])
-    share = share[share <= max(reach, wrist) + 1e-9]
+    share, keep = _feathers(p)
     edge, chord = planform(p, share)
     # Thickness of arm and coverts fades to single feathers at the tip.
-    thickness = np.interp(share, [0.0, wrist, 1.0], [0.1, 0.07, 0.05])
-    sheet = surface(Sections(edge, chord, UP, thickness, 0.07, 3.0), points=5)
+    thickness = np.interp(share, [0.0, 1 - p.hand, 1.0], [0.1, 0.07, 0.05])
+    sheet = surface(Sections(edge, chord * keep, UP, thickness, 0.07, 3.0), points=5)
     return merge(sheet, *_fingers(p, edge[-1], float(chord[-1]))) if p.slotted else sheet
 
 
