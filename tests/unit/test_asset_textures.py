@@ -205,3 +205,10 @@ def test_an_unwritable_folder_is_named(tmp_path):
     blocked.write_text("")
     with pytest.raises(UserError, match=r"plane\.png"):
         write_asset(blocked / "plane.usdc", PLANE, 1)
+
+
+def test_glass_wears_no_pattern():
+    paint = replace(patterns.draw_paint(5), grain=0.0, patterned=np.ones(patterns.ROLES, bool))
+    position = np.random.default_rng(1).uniform(-0.5, 0.5, (2000, 3))
+    assert np.ptp(patterns.colours(paint, 1, _surface(position), plain=True), axis=0).max() == 0
+    assert np.ptp(patterns.colours(paint, 1, _surface(position)), axis=0).max() > 0.05

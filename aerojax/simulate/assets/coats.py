@@ -15,7 +15,8 @@ from aerojax.simulate.assets.parts import Part, corner_normals
 from aerojax.simulate.assets.shapes import merge
 
 GLASS = ("glass", "canopy", "windscreen", "windows")
-"""Names of parts that are glossy whatever the palette; their colour is the palette's, as any part's."""
+"""Names of parts that are glossy and wear no pattern; their colour is the palette's, as any part's, because glass of a
+colour of its own would tell birds from what people fly."""
 GLASS_ROUGHNESS = 0.08
 
 
@@ -56,7 +57,8 @@ def paint(path: Path, parts: tuple[Part, ...], seed: int) -> Coats:
     srgb = np.empty((len(texels.face), 3))
     for number, part in enumerate(parts):
         chosen = np.flatnonzero((texels.face >= first[number]) & (texels.face < first[number + 1]))
-        srgb[chosen] = patterns.colours(coat, part.role, _surface(textures.interpolate(texels, corners, chosen)))
+        surface = _surface(textures.interpolate(texels, corners, chosen))
+        srgb[chosen] = patterns.colours(coat, part.role, surface, plain=part.name in GLASS)
     image, linear = textures.compose(atlas, texels, srgb)
     target = path.with_suffix(".png")
     textures.write_png(target, image)

@@ -213,10 +213,10 @@ def draw_paint(seed: int) -> Paint:
     return Paint(palette, layers, slot_of, patterned, float(rng.uniform(0.04, 0.16)), int(rng.integers(2**32)))
 
 
-def colours(paint: Paint, role: int, surface: Surface) -> Float[np.ndarray, "sample 3"]:
-    """sRGB albedo of a part's points; `role` 0 is the skin, 1..7 are other materials."""
+def colours(paint: Paint, role: int, surface: Surface, *, plain: bool = False) -> Float[np.ndarray, "sample 3"]:
+    """sRGB albedo of a part's points; `role` 0 is the skin, 1..7 are other materials; `plain` parts wear no layers."""
     srgb = np.repeat(paint.palette.srgb[paint.slot_of[role]][None], len(surface.position), axis=0)
-    for layer in paint.layers if paint.patterned[role] else ():
+    for layer in paint.layers if paint.patterned[role] and not plain else ():
         cover = (layer.strength * MASKS[layer.kind](layer, surface))[:, None]
         srgb = srgb + cover * (paint.palette.srgb[layer.slot] - srgb)
     grain = value_noise(surface.position * 45.0, paint.seed) + value_noise(surface.position * 110.0, paint.seed + 1) - 1
