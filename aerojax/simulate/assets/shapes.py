@@ -134,3 +134,9 @@ def ring(centre: Vector, radius: float, height: float, thickness: float, sides: 
     a, b, c, d = i + j, n + j, n + k, i + k
     faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)])
     return moved(outward(Mesh(points, faces)), centre)
+
+
+def hoop(centre: Vector, axis: Vector, radius: float, thickness: float, sides: int = 24) -> Mesh:
+    """A ring of square section about any axis through its centre."""
+    flat = ring((0.0, 0.0, 0.0), radius, thickness, thickness, sides)
+    return moved(flat, centre, frame_along(np.asarray(axis, float)))
