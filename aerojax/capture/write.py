@@ -62,6 +62,7 @@ def write_frame(
         depth: metres along the optical axis, 0 = none.
         extra: coverage, normals and flow.
         placement: the arrays are a window of the image, and the time taken goes with the window; None: the whole image.
+            An array of the image's size stays a whole image all the same.
 
     Raises:
         UserError: sizes differ from the camera's, a pattern has no array, or the pattern leaves the folder.
@@ -104,9 +105,10 @@ def _write(
         raise UserError(f"camera {camera.name}: {kind} path {relative!r} {problem}; use a relative path")
     path = folder / relative
     path.parent.mkdir(parents=True, exist_ok=True)
-    placement = placement or Placement((0, 0), (0, 0, 0))
-    background = placement.background if kind == "rgb" else (0, 0, 0) if kind == "normal" else (0,)
     size = camera.width, camera.height
+    if placement is None or image.shape[1::-1] == size:
+        placement = Placement((0, 0), (0, 0, 0))
+    background = placement.background if kind == "rgb" else (0, 0, 0) if kind == "normal" else (0,)
     path.write_bytes(_encoded(image, placement.corner, size, background, path.suffix.lower()))
 
 
@@ -115,7 +117,8 @@ def _check_place(camera: CaptureCamera, kind: str, image: np.ndarray, placement:
     if placement is None and (width, height) != (camera.width, camera.height):
         wanted = f"{camera.width}×{camera.height}"
         raise UserError(f"camera {camera.name}: {kind} is {width}×{height}, the camera {wanted}")
-    x, y = (0, 0) if placement is None else placement.corner
+    whole = placement is None or (width, height) == (camera.width, camera.height)
+    x, y = (0, 0) if whole else placement.corner
     if min(x, y) < 0 or x + width > camera.width or y + height > camera.height:
         raise UserError(f"camera {camera.name}: a window of {kind} at {(x, y)} reaches beyond the image; clip it")
 

@@ -13,7 +13,8 @@ from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.simulate.assets.catalogue import Identity, build_identity
 from aerojax.simulate.flight import Flight, Motion, draw_flight
 from aerojax.simulate.record import Actor, ScenePlan, record_scene
-from aerojax.simulate.render import Dome, ImageConfig
+from aerojax.simulate.render import Dome
+from aerojax.simulate.rendering import ImageConfig
 from aerojax.simulate.rigs import RigConfig, draw_rig
 from kernels.raytrace import Lighting
 

@@ -72,7 +72,7 @@ def test_truth_is_the_flight_of_the_stage(flown):
 
 def test_mask_pixels_lie_on_the_posed_mesh(flown, assets):
     identity, capture = flown
-    worst, measured, covered = 0.0, 0, 0
+    away, measured, covered = [], 0, 0
     for frame in range(capture.frames):
         query = trimesh.proximity.ProximityQuery(posed_mesh(identity, capture, frame, assets))
         for index, camera in enumerate(capture.cameras):
@@ -82,10 +82,14 @@ def test_mask_pixels_lie_on_the_posed_mesh(flown, assets):
             chosen = pixels[:: max(1, len(pixels) // 150)]
             where = depth[chosen[:, 0], chosen[:, 1], None].astype(np.float64)
             points = camera.world_from_cam[:3, 3] + where * rays(camera, chosen)
-            worst = max(worst, float(query.on_surface(points)[1].max()))
-    print(f"{identity.label}: worst distance {1e3 * worst:.3f} mm, depth for {measured / covered:.3f} of the mask")
-    assert worst < 1e-3
-    assert measured >= 0.9 * covered > 500
+            away.append(query.on_surface(points)[1])
+    distance = np.concatenate(away)
+    quantiles = 1e3 * np.quantile(distance, [0.5, 0.8, 1.0])
+    print(f"{identity.label}: distance from the mesh (mm): median, 80 %, worst {quantiles.round(3)}")
+    # Where a pixel's centre misses a thin part, its depth is the mean of the samples that hit: half a pixel beside it,
+    # or between two surfaces.
+    assert np.quantile(distance, 0.8) < 1e-5 and np.quantile(distance, 0.98) < 2.0 / 190.0
+    assert measured == covered > 500
 
 
 def test_depth_agrees_with_another_ray_caster(flown, assets):
@@ -102,8 +106,11 @@ def test_depth_agrees_with_another_ray_caster(flown, assets):
     np.minimum.at(expected, which, along)
     ours = depth[pixels[:, 0], pixels[:, 1]].astype(np.float64)
     both = np.isfinite(expected) & (ours > 0)
-    # Rays along a silhouette's edge may hit in one caster and not in the other; at a step, pass on either side.
-    assert np.mean(np.isfinite(expected) == (ours > 0)) > 0.99
+    # Rays along a silhouette's edge may hit in one caster and not in the other; at a step, pass on either side. Mask
+    # pixels whose centre misses have a depth all the same.
+    mask = read_mask(capture, 1, 1)[pixels[:, 0], pixels[:, 1]] > 0
+    assert np.mean(ours[np.isfinite(expected)] > 0) > 0.99
+    assert np.mean(np.isfinite(expected) | mask | (ours == 0)) > 0.99
     error = np.abs(ours[both] - expected[both]) / expected[both]
     assert both.sum() > 100 and np.mean(error < 1e-4) > 0.99
     assert np.median(error) < 2e-6
