@@ -13,10 +13,11 @@ NEIGHBOURS = 5
 RIDGE = 10.0
 """Penalty on the weights of standardised statistics, of which there are 33."""
 
-Classifier = Callable[
-    [Float[np.ndarray, "train feature"], Int[np.ndarray, "train"], Float[np.ndarray, "test feature"]],
-    Int[np.ndarray, "test"],
-]
+Answer = Callable[[Int[np.ndarray, "train"]], Int[np.ndarray, "test"]]
+"""Labels of the training samples in, labels of the test samples out."""
+
+Classifier = Callable[[Float[np.ndarray, "train feature"], Float[np.ndarray, "test feature"]], Answer]
+"""What does not depend on the labels is done once, because chance asks for many of them."""
 
 
 @dataclass(frozen=True)
@@ -57,27 +58,32 @@ def colour_statistics(srgb: Float[np.ndarray, "pixel 3"]) -> Float[np.ndarray, "
     return np.concatenate([mean, covariance, *(h / len(srgb) for h in histograms)])
 
 
-def nearest_neighbours(
-    train: Float[np.ndarray, "train feature"], labels: Int[np.ndarray, "train"], test: Float[np.ndarray, "test feature"]
-) -> Int[np.ndarray, "test"]:
+def nearest_neighbours(train: Float[np.ndarray, "train feature"], test: Float[np.ndarray, "test feature"]) -> Answer:
     """The commonest label of the nearest training samples, each class weighted by its rarity."""
-    near = np.argsort(((test[:, None] - train[None]) ** 2).sum(axis=2), axis=1, kind="stable")[:, :NEIGHBOURS]
-    counts = np.bincount(labels)
-    votes = np.stack([(labels[near] == c).sum(axis=1) / max(counts[c], 1) for c in range(len(counts))], axis=1)
-    return votes.argmax(axis=1)
+    squared = (train**2).sum(axis=1) - 2 * test @ train.T
+    near = np.argsort(squared, axis=1, kind="stable")[:, :NEIGHBOURS]
+
+    def answer(labels: Int[np.ndarray, "train"]) -> Int[np.ndarray, "test"]:
+        counts = np.bincount(labels)
+        votes = [(labels[near] == c).sum(axis=1) / max(int(count), 1) for c, count in enumerate(counts)]
+        return np.stack(votes, axis=1).argmax(axis=1)
+
+    return answer
 
 
-def ridge(
-    train: Float[np.ndarray, "train feature"], labels: Int[np.ndarray, "train"], test: Float[np.ndarray, "test feature"]
-) -> Int[np.ndarray, "test"]:
+def ridge(train: Float[np.ndarray, "train feature"], test: Float[np.ndarray, "test feature"]) -> Answer:
     """Regularised least squares on one indicator a class, classes weighted equally."""
-    counts = np.bincount(labels)
-    weight = (len(labels) / len(counts) / counts.clip(1))[labels]
-    weighted = train * weight[:, None]
-    centre = weighted.mean(axis=0)
-    target = np.eye(len(counts))[labels] - 1 / len(counts)
-    gram = weighted.T @ train - len(train) * np.outer(centre, centre) + RIDGE * np.eye(train.shape[1])
-    return ((test - centre) @ np.linalg.solve(gram, (train - centre).T @ (target * weight[:, None]))).argmax(axis=1)
+
+    def answer(labels: Int[np.ndarray, "train"]) -> Int[np.ndarray, "test"]:
+        counts = np.bincount(labels)
+        weight = (len(labels) / len(counts) / counts.clip(1))[labels][:, None]
+        centre = (train * weight).mean(axis=0)
+        inside = train - centre
+        target = np.eye(len(counts))[labels] - 1 / len(counts)
+        gram = inside.T @ (weight * inside) + RIDGE * np.eye(train.shape[1])
+        return ((test - centre) @ np.linalg.solve(gram, inside.T @ (target * weight))).argmax(axis=1)
+
+    return answer
 
 
 CLASSIFIERS: dict[str, Classifier] = {"nearest_neighbours": nearest_neighbours, "ridge": ridge}
@@ -109,16 +115,13 @@ def measure_leak(
     features, labels, individual = train
     centre, scale = features.mean(axis=0), features.std(axis=0).clip(1e-6)
     known, unknown = (features - centre) / scale, (test[0] - centre) / scale
-    answer = classify(known, labels, unknown)
+    answer_to = classify(known, unknown)
+    answer = answer_to(labels)
     reached = balanced_accuracy(test[1], answer)
     _, first, which = np.unique(individual, return_index=True, return_inverse=True)
     rng = np.random.default_rng(seed)
-    chance = np.array(
-        [
-            balanced_accuracy(test[1], classify(known, rng.permutation(labels[first])[which], unknown))
-            for _ in range(permutations)
-        ]
-    )
+    shuffled = (rng.permutation(labels[first])[which] for _ in range(permutations))
+    chance = np.array([balanced_accuracy(test[1], answer_to(labels)) for labels in shuffled])
     low, high = (float(v) for v in np.quantile(chance, (0.025, 0.975)))
     probability = float((1 + (chance >= reached).sum()) / (1 + permutations))
     return Leak(float(np.mean(answer == test[1])), reached, float(chance.mean()), (low, high), probability)
