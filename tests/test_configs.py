@@ -15,7 +15,12 @@ from aerojax.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = sorted(p.stem for p in (ROOT / "conf").glob("*.yaml") if p.stem != "base")
-REQUIRED = {"classify_folder": ("captures=captures",), "fit_gaussians": ("capture=capture",)}
+REQUIRED = {
+    "classify_folder": ("captures=captures",),
+    "fit_gaussians": ("capture=capture",),
+    "export_dataset": ("dataset=dataset", "format=[coco,yolo]", "out=out"),
+    "import_replicator": ("recording=recording", "out=out", "fps=30"),
+}
 
 
 def composed(name: str, *overrides: str) -> dict:

@@ -1,0 +1,1 @@
+"""Recordings of other simulators as captures."""

@@ -1,0 +1,47 @@
+"""Import a multi-camera recording of Isaac Replicator as a capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from aerojax.capture.imports.replicator import ReplicatorImport, import_replicator
+from aerojax.capture.imports.replicator_camera import UpAxis
+from experiments.launch import Run, experiment, write_json
+from experiments.progress import progress_bar
+
+
+@dataclass(frozen=True)
+class Config:
+    """The recording, what it does not say, and where the capture goes."""
+
+    preset: str
+    recording: Path
+    out: Path
+    fps: float
+    classes: dict[str, str | None]
+    up: UpAxis
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Recording in, capture out."""
+    settings = ReplicatorImport(config.fps, config.classes, config.up)
+    with progress_bar() as bar:
+        task = bar.add_task("frames", total=None)
+        capture = import_replicator(
+            config.recording,
+            config.out,
+            settings,
+            advance=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    objects = {} if capture.truth is None else {o.identity: o.class_name for o in capture.truth.objects}
+    content = {"frames": capture.frames, "cameras": len(capture.cameras), "objects": objects}
+    write_json(run.directory / "metrics.json", {"capture": str(config.out), **content})
+    Console().print(f"{config.out}: {capture.frames} frames of {len(capture.cameras)} cameras, objects {objects}")
+
+
+if __name__ == "__main__":
+    main()
