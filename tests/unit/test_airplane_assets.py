@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from aerojax.simulate.assets.authoring import Asset
 each = pytest.mark.parametrize("family", airplane_families.FAMILIES)
 
 
-def _built(family: str, seed: int = 0, **changes: object) -> Asset:
+def _built(family: str, seed: int = 0, **changes: Any) -> Asset:
     rng = np.random.default_rng(seed)
     return airplanes.author(replace(airplanes.draw_parameters(family, rng), **changes), rng)
 

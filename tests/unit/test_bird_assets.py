@@ -9,12 +9,11 @@ import pytest
 import trimesh
 
 from aerojax.simulate.assets import bird_bodies, bird_families, birds, lofts
-from aerojax.simulate.assets.bird_flight import JOINTS, WingBeat, fly, stroke, wingbeat_hertz
-from aerojax.simulate.assets.skeletons import Skeleton, SkinnedAsset
+from aerojax.simulate.assets.bird_flight import WingBeat, fly, stroke, wingbeat_hertz
+from aerojax.simulate.assets.skeletons import SkinnedAsset
 
 each = pytest.mark.parametrize("family", bird_families.FAMILIES)
 STEADY = WingBeat(4.0, 40.0, 30.0, 0.5, 30.0, 0.05, 0.02, 3, 0.0, 8.0, False, 0.0, 0.0, 0.0)
-POINTS = Skeleton(JOINTS, np.zeros((len(JOINTS), 3)))
 
 
 def _drawn(family: str, seed: int) -> birds.BirdParameters:
@@ -120,13 +119,13 @@ def test_a_leaning_stroke_moves_the_wing_back_and_forth():
     along = np.array([0.0, 1.0, 0.0])
     for lean, expected in ((0.0, [0.0, np.cos(np.deg2rad(40)), np.sin(np.deg2rad(40))]),
                            (90.0, [-np.sin(np.deg2rad(40)), np.cos(np.deg2rad(40)), 0.0])):  # fmt: skip
-        top = fly(replace(STEADY, stroke_plane=lean), POINTS).quaternion[0, 3]
+        top = fly(replace(STEADY, stroke_plane=lean)).quaternion[0, 3]
         assert _matrix(top) @ along == pytest.approx(np.array(expected), abs=1e-9)
 
 
 def test_glides_hold_the_wings_rock_the_body_and_end_level():
     beat = replace(STEADY, glide_seconds=2.0, rock=6.0, glide_flex=15.0)
-    motion = fly(beat, POINTS)
+    motion = fly(beat)
     gliding = motion.seconds > beat.beats / beat.hertz
     arm = np.degrees(2 * np.arcsin(motion.quaternion[gliding, 3, 1]))
     assert np.abs(motion.quaternion[gliding, 3] - motion.quaternion[gliding, 3][0]).max() < 1e-9
@@ -137,7 +136,7 @@ def test_glides_hold_the_wings_rock_the_body_and_end_level():
 
 
 def test_bounding_birds_fold_their_wings():
-    motion = fly(replace(STEADY, glide_seconds=0.3, bounding=True), POINTS)
+    motion = fly(replace(STEADY, glide_seconds=0.3, bounding=True))
     middle = np.searchsorted(motion.seconds, STEADY.beats / STEADY.hertz + 0.15)
     backward = _matrix(motion.quaternion[middle, 3]) @ np.array([0.0, 1.0, 0.0])
     assert backward[0] < -0.95

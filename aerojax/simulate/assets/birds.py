@@ -50,8 +50,7 @@ def author(parameters: BirdParameters) -> SkinnedAsset:
         SkinnedPart(Part("wing_right", mirrored(wing), 0), left[:, [0, 1, 2, 5, 6, 3, 4]]),
     ]
     parts += _appendages(p)
-    skeleton = _skeleton(p)
-    asset = SkinnedAsset(tuple(parts), skeleton, fly(parameters.beat, skeleton, LEVEL_HEAD * p.body_pitch))
+    asset = SkinnedAsset(tuple(parts), _skeleton(p), fly(parameters.beat, LEVEL_HEAD * p.body_pitch))
     return rescaled(asset, 0.5 / float(wing.points[:, 1].max()))
 
 
