@@ -15,6 +15,9 @@ from jaxtyping import Bool, Float, Int
 from aerojax.simulate.assets.variation import Palette, draw_palette, seed_of
 
 ROLES = 8
+MAIN_SHARE, PATTERNED_SHARE = 0.6, 0.7
+"""How often a part other than the skin has the skin's ground colour and wears its layers: often, because birds are
+nearly all skin and what people build is not, so that parts in colours of their own would tell them apart."""
 SOFTNESS = 0.008
 """Half width of an edge between two colours, in units of the asset's half size: about one texel."""
 
@@ -206,9 +209,9 @@ def draw_paint(seed: int) -> Paint:
         )
         for kind in kinds
     )
-    slot_of = np.where(rng.random(ROLES) < 0.4, 0, rng.integers(0, slots, ROLES))
+    slot_of = np.where(rng.random(ROLES) < MAIN_SHARE, 0, rng.integers(0, slots, ROLES))
     slot_of[0] = 0
-    patterned = rng.random(ROLES) < 0.4
+    patterned = rng.random(ROLES) < PATTERNED_SHARE
     patterned[0] = True
     return Paint(palette, layers, slot_of, patterned, float(rng.uniform(0.04, 0.16)), int(rng.integers(2**32)))
 
