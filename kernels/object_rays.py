@@ -20,12 +20,12 @@ SHADOW_OFFSET = 1e-3
 """Metres from a surface to the start of its shadow ray: below the thinnest part, above float32 noise."""
 
 
-def _struct(name: str, **fields: Any) -> Any:
+def structure(name: str, **fields: Any) -> Any:
     """A Warp structure, made by a call because run-time type checkers decorate class statements."""
     return wp.struct(type(name, (), {"__annotations__": fields}))
 
 
-View = _struct(
+View = structure(
     "View",
     rotation=wp.mat33,
     inverse_focal=wp.vec2,
@@ -37,7 +37,7 @@ View = _struct(
 )
 """A pinhole camera, the number of objects, and the centre of the camera in the frame of the scenery."""
 
-Light = _struct(
+Light = structure(
     "Light",
     to_sun=wp.vec3,
     sun=wp.vec3,
@@ -47,7 +47,7 @@ Light = _struct(
 )
 """Linear light; `shadows` is 0 or 1."""
 
-Surfaces = _struct(
+Surfaces = structure(
     "Surfaces",
     meshes=wp.array(dtype=wp.uint64),
     centres=wp.array(dtype=wp.vec3),

@@ -172,6 +172,10 @@ class SceneCaster:
         """World position of an object's frame."""
         return self._origins[index].copy()
 
+    def shadow_casters(self, camera: Pinhole) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """Warp meshes of the objects, the camera's centre in the frame of each, and radii around their origins."""
+        return [m.id for m in self._meshes], camera.centre - self._origins, self._radii
+
     def footprint(self, index: int, camera: Pinhole, window: tuple[int, int, int, int]) -> np.ndarray:
         """Marks (row, column) of the pixels of a window that an object may touch; see `kernels.footprint`."""
         x0, y0, x1, y1 = window
