@@ -14,7 +14,7 @@ from aerojax.simulate.assets.gltf_scene import load_gltf
 from aerojax.simulate.assets.imported_models import GLTF, WAVEFRONT, ImportedModel, body_from_file, described
 from aerojax.simulate.assets.imported_motion import at_speed, without_mirrors
 from aerojax.simulate.assets.imported_scene import ImportedScene
-from aerojax.simulate.assets.imported_size import measure, middle
+from aerojax.simulate.assets.imported_size import length_by_class, middle, survey
 from aerojax.simulate.assets.imported_stage import copy_source, open_source
 from aerojax.simulate.assets.imported_textures import bake
 from aerojax.simulate.assets.imported_usd import write_scene
@@ -96,10 +96,11 @@ def _place(stage: Usd.Stage, prim: Sdf.Path, model: ImportedModel, up: str) -> N
     operation = UsdGeom.Xformable(stage.GetPrimAtPath(prim)).AddTransformOp()
     operation.Set(_row_matrix(turn))
     stage.GetRootLayer().Save()
-    mesh = load_animated_mesh(Path(stage.GetRootLayer().realPath))
-    factor = 1.0 / measure(mesh, model.label, str(model.file)) if model.scale == "auto" else float(model.scale)
+    found = survey(load_animated_mesh(Path(stage.GetRootLayer().realPath)))
+    automatic = model.scale == "auto"
+    factor = 1.0 / length_by_class(found, model.label, str(model.file)) if automatic else float(model.scale)
     turn[:3] *= factor
-    turn[:3, 3] = -factor * middle(mesh)
+    turn[:3, 3] = -factor * middle(found)
     operation.Set(_row_matrix(turn))
 
 

@@ -13,7 +13,7 @@ from aerojax.errors import UserError
 from aerojax.simulate.assets.imported_scene import ImportedScene, Material, Surface
 from aerojax.simulate.assets.textures import linear_from_srgb
 
-Picture = UInt8[np.ndarray, "height width channel"]
+Picture = UInt8[np.ndarray, "height width _"]
 _WITHIN = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
 """Barycentric points over which a face's mean colour is taken: the middle and halfway to each corner."""
 
