@@ -50,12 +50,12 @@ FAMILIES: dict[str, dict[str, Any]] = {
     },
     "crow": COMMON
     | {
-        "tip": ["slotted", "round"],
-        "fingers": [0, 4, 5],
-        "aspect": (5.4, 6.8),
+        "tip": "slotted",
+        "fingers": (4, 4),
+        "aspect": (4.8, 5.4),
         "bill_length": (0.045, 0.065),
         "bill_radius": (0.011, 0.015),
-        "tail": ["fan", "wedge"],
+        "tail": "fan",
         "mass": (0.4, 0.6),
         "span": (0.85, 1.0),
     },
