@@ -135,6 +135,10 @@ def _placed(shape: _Shape, spot: np.ndarray, terrain: Terrain) -> _Shape:
     return _Shape(shape.vertices + base, shape.faces, shape.albedo, shape.kind)
 
 
+def _up(height: float) -> np.ndarray:
+    return np.array([0.0, 0.0, height])
+
+
 def _uniform(
     vertices: np.ndarray, faces: np.ndarray, albedo: tuple[float, float, float] | np.ndarray, kind: int
 ) -> _Shape:
@@ -210,7 +214,7 @@ def _tree(rng: np.random.Generator, *, coarse: bool = False) -> _Shape:
         for k in range(tiers):
             vertices, faces = _tube(9 if coarse else 16, 0.2 * height * (1.05 - k / tiers), 0.0, 0.42 * height)
             vertices[: len(vertices) // 2] *= rng.uniform(0.75, 1.2, (len(vertices) // 2, 1))
-            parts.append(_uniform(vertices + [0, 0, height * (0.15 + 0.62 * k / tiers)], faces, 0.7 * green, FOLIAGE))
+            parts.append(_uniform(vertices + _up(height * (0.15 + 0.62 * k / tiers)), faces, 0.7 * green, FOLIAGE))
         return _merged(trunk, *parts)
     parts = []
     for _ in range(2 if coarse else 9):
@@ -218,9 +222,7 @@ def _tree(rng: np.random.Generator, *, coarse: bool = False) -> _Shape:
         size = height * rng.uniform(0.24, 0.34) * (1.25 if coarse else 0.8)
         vertices = vertices * rng.uniform(0.8, 1.2, (len(vertices), 1)) * size * [1, 1, 0.85]
         spread = rng.normal(0.0, 0.12, 3) * height
-        parts.append(
-            _uniform(vertices + spread + [0, 0, 0.66 * height], faces, green * rng.uniform(0.85, 1.15), FOLIAGE)
-        )
+        parts.append(_uniform(vertices + spread + _up(0.66 * height), faces, green * rng.uniform(0.85, 1.15), FOLIAGE))
     return _merged(trunk, *parts)
 
 
@@ -237,7 +239,7 @@ def _hedge(
         if _is_clear(place, clear, config):
             vertices, faces = _ball(8, 5)
             shape = vertices * rng.uniform(0.8, 1.2, (len(vertices), 1)) * [1.7, 1.7, rng.uniform(1.1, 1.7)]
-            found.append(_placed(_uniform(shape + [0, 0, 0.8], faces, green, FOLIAGE), place, terrain))
+            found.append(_placed(_uniform(shape + _up(0.8), faces, green, FOLIAGE), place, terrain))
     return found
 
 
@@ -264,7 +266,7 @@ def _building(rng: np.random.Generator) -> _Shape:
     over = np.array([1.04, 1.12, 1.0])
     roof = np.array([(-x, -y, high), (x, -y, high), (x, y, high), (-x, y, high), (-x, 0, top), (x, 0, top)]) * over
     slopes = [(0, 1, 5), (0, 5, 4), (2, 3, 4), (2, 4, 5)]
-    parts = [_uniform(body, np.array(sides), wall, PLAIN), _uniform(roof + [0, 0, 0.08], np.array(slopes), tile, PLAIN)]
+    parts = [_uniform(body, np.array(sides), wall, PLAIN), _uniform(roof + _up(0.08), np.array(slopes), tile, PLAIN)]
     for level in np.arange(1.2, high - 1.0, 2.8):
         for at in np.arange(-x + 1.5, x - 1.5, 2.6):
             for side in (-1.0, 1.0):
