@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
-from aerojax.capture.exports.export import chosen_formats, export_dataset
+from aerojax.capture.exports.export import chosen_formats, export_dataset, find_notices
 from aerojax.capture.exports.sources import ExportOptions, Placement, ReplicatorLayout, find_sequences
 from experiments.launch import Run, experiment, write_json
 from experiments.progress import progress_bar
@@ -46,6 +46,7 @@ def main(config: Config, run: Run) -> None:
                 options,
                 workers=config.workers,
                 overwrite=config.overwrite,
+                notices=find_notices(config.dataset),
                 advance=lambda task=task: bar.advance(task),
             )
             done[name] = str(folder)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from aerojax.capture.format import Capture, CaptureCamera, ObjectState, TrackedObject, Truth, write_capture_json
-from aerojax.capture.write import write_frame
+from aerojax.capture.write import FrameExtras, write_frame
 from aerojax.geometry.boxes import tight_box, touches_border
 from aerojax.geometry.cameras import look_at
 
@@ -44,6 +44,7 @@ def ball_camera(index: int) -> CaptureCamera:
         mask=f"{name}/mask/{{frame:06d}}.png",
         depth=f"{name}/depth/{{frame:06d}}.tiff",
         time_offset_s=0.0,
+        normal=f"{name}/normal/{{frame:06d}}.png",
     )
 
 
@@ -56,6 +57,18 @@ def ball_depth(camera: CaptureCamera, centre: tuple[float, float, float], radius
     under_root = b**2 - a * (in_camera @ in_camera - radius**2)
     near = (b - np.sqrt(np.maximum(under_root, 0.0))) / a  # rays have z = 1, so their parameter is the depth
     return np.where((under_root > 0) & (near > 0), near, np.inf)
+
+
+def ball_normals(camera: CaptureCamera, plane: np.ndarray, mask: np.ndarray, frame: int, shift: float) -> np.ndarray:
+    """Unit world normals of the balls' seen surfaces, 0 beside them."""
+    u, v = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
+    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(camera.K).T
+    points = (rays * plane[..., None]) @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+    normals = np.zeros((HEIGHT, WIDTH, 3), np.float32)
+    for number in BALLS:
+        out = points[mask == number] - moved(number, frame, shift)
+        normals[mask == number] = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return normals
 
 
 def write_balls(folder: Path, *, shift: float = 0.0) -> Capture:
@@ -71,7 +84,9 @@ def write_balls(folder: Path, *, shift: float = 0.0) -> Capture:
             for number, own in alone.items():
                 mask[np.isfinite(own) & (own == depth)] = number
                 rgb[mask == number] = BALLS[number][4]
-            write_frame(folder, camera, frame, rgb, mask, np.where(mask > 0, depth, 0.0).astype(np.float32))
+            plane = np.where(mask > 0, depth, 0.0).astype(np.float32)
+            extras = FrameExtras(normal=ball_normals(camera, plane, mask, frame, shift))
+            write_frame(folder, camera, frame, rgb, mask, plane, extra=extras)
             for number, own in alone.items():
                 seen[number][frame][camera.name] = _sight(mask == number, np.isfinite(own))
     objects = tuple(
@@ -92,7 +107,13 @@ def moved(number: int, frame: int, shift: float) -> tuple[float, float, float]:
 def _sight(visible: np.ndarray, alone: np.ndarray) -> dict:
     box = tight_box(visible)
     cut = box is not None and touches_border(box, WIDTH, HEIGHT)
-    return {"box": box, "truncated": cut, "visibility": float(visible.sum() / alone.sum()) if alone.any() else 0.0}
+    # Of the pixels that the ball would have alone; beyond the image a ball shows none.
+    return {
+        "whole": tight_box(alone),
+        "box": box,
+        "truncated": cut,
+        "visibility": float(visible.sum() / alone.sum()) if alone.any() else 0.0,
+    }
 
 
 def _states(number: int, seen: list[dict], shift: float) -> list[ObjectState]:
@@ -105,6 +126,7 @@ def _states(number: int, seen: list[dict], shift: float) -> list[ObjectState]:
             visible={name: sight["box"] is not None for name, sight in cameras.items()},
             truncated={name: sight["truncated"] for name, sight in cameras.items()},
             visibility={name: sight["visibility"] for name, sight in cameras.items()},
+            projected_box={name: sight["whole"] for name, sight in cameras.items() if sight["whole"] is not None},
         )
         for frame, cameras in enumerate(seen)
     ]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from export_examples import FRAMES, HEIGHT, WIDTH, write_ball_dataset, write_balls
 
-from aerojax.capture.exports.export import FORMATS, chosen_formats, export_dataset
+from aerojax.capture.exports.export import FORMATS, chosen_formats, export_dataset, find_notices
 from aerojax.capture.exports.replicator import camera_parameters
 from aerojax.capture.exports.run_length import encode_mask
 from aerojax.capture.exports.sources import ExportOptions, find_sequences, safe_name, stable_id
@@ -80,6 +80,8 @@ def test_coco_content(made):
         assert found[number]["area"] == np.sum(mask == number)
         assert found[number]["truncated"] == (number == 1)
         assert found[number]["visibility"] == state.visibility["cam_01"]
+        x0, y0, x1, y1 = state.projected_box["cam_01"]
+        assert found[number]["amodal_bbox"] == [x0, y0, x1 - x0, y1 - y0]
     tracks = {(a["track_id"], a["identity"]) for a in coco["annotations"]}
     assert len(tracks) == 4  # two balls in each of two sequences
 
@@ -157,6 +159,10 @@ def test_replicator_content(made):
         assert path.endswith(labels[str(box["semanticId"])]["class"])
     assert boxes[0]["occlusionRatio"] == 0 and boxes[1]["occlusionRatio"] > 0.3
     np.testing.assert_array_equal(np.isinf(depth), ids == 0)
+    normals = cv2.imread(str(folder / "normals/normals_0000.png"))[..., ::-1] / 127.5 - 1
+    assert np.abs(np.linalg.norm(normals[ids > 0], axis=-1) - 1).max() < 0.01 and normals[ids == 0].max() == -1
+    to_camera = read_capture(made / "dataset/train/seq_a").cameras[0].world_from_cam[:3, 2]
+    assert (normals[ids > 0] @ to_camera).max() < 0.1  # against the camera's axis: what is seen faces it
 
 
 def test_camera_parameters_are_those_of_usd(made):
@@ -196,6 +202,14 @@ def test_runs_and_workers_change_nothing(made, tmp_path, name):
     again = export_dataset(find_sequences(made / "dataset"), name, tmp_path, ExportOptions(), workers=1)
     assert files_of(again) == files_of(made / "out" / name)
     assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+def test_notices_go_along(made, tmp_path):
+    (tmp_path / "LICENSE").write_text("CC0")
+    assert find_notices(made) == ()
+    sequences, notices = find_sequences(made / "dataset/val"), find_notices(tmp_path)
+    out = export_dataset(sequences, "yolo", tmp_path, ExportOptions(), notices=notices)
+    assert (out / "LICENSE").read_text() == "CC0"
 
 
 @pytest.mark.parametrize("how", ["hardlink", "symlink"])

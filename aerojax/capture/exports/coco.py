@@ -2,7 +2,8 @@
 
 Beyond COCO's own keys, images carry `sequence`, `camera`, `frame`, `fps`, `K` and `world_from_cam`, annotations
 `track_id` (one for an object in all cameras and frames of a sequence), `instance_id` (its value in the capture's
-masks), `identity` and, where known, `visibility` and `truncated`. Boxes are x, y, width, height of whole pixels.
+masks), `identity` and, where known, `visibility`, `truncated` and `amodal_bbox` (of the whole object, hidden parts and
+those beyond the image included). Boxes are x, y, width, height of whole pixels.
 """
 
 from __future__ import annotations
@@ -86,7 +87,11 @@ def _annotations(
 
 
 def _optional(seen: Observation) -> dict[str, Any]:
-    known = {"visibility": seen.visibility, "truncated": seen.truncated}
+    whole = None
+    if seen.whole_box is not None:
+        x0, y0, x1, y1 = seen.whole_box
+        whole = [x0, y0, x1 - x0, y1 - y0]
+    known = {"visibility": seen.visibility, "truncated": seen.truncated, "amodal_bbox": whole}
     return {key: value for key, value in known.items() if value is not None}
 
 

@@ -50,6 +50,7 @@ def export_dataset(
     *,
     workers: int = 1,
     overwrite: bool = False,
+    notices: Sequence[Path] = (),
     advance: Callable[[], None] = lambda: None,
 ) -> Path:
     """Write `out/<format>`; it appears when it is complete, and a failed export leaves nothing behind.
@@ -61,6 +62,7 @@ def export_dataset(
         options: choices that all formats share.
         workers: threads; decoding and writing images leave Python's lock.
         overwrite: replace an export of the same format.
+        notices: files that go with the data, such as its licence; copied to the top of the export.
         advance: called after each sequence.
 
     Raises:
@@ -92,10 +94,17 @@ def export_dataset(
                 raise
         FORMATS[format_name].finish(temporary, files)
         shutil.rmtree(parts)
+        for notice in notices:
+            shutil.copyfile(notice, temporary / notice.name)
         _publish(temporary, target)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return target
+
+
+def find_notices(dataset: Path) -> tuple[Path, ...]:
+    """Licence and attribution of a data set, as far as it has them."""
+    return tuple(file for name in ("LICENSE", "ATTRIBUTION.md") if (file := dataset / name).is_file())
 
 
 def _write_part(

@@ -30,6 +30,7 @@ class Observation:
     box: x0 y0 x1 y1 in pixels of the undistorted image, ends exclusive, clipped to the image.
     visibility: share of the object's own pixels that nothing hides, or None where the truth does not say.
     truncated: whether the object reaches beyond the image, or None.
+    whole_box: box of the whole object, what is hidden or beyond the image included, or None.
     """
 
     item: TrackedObject
@@ -37,6 +38,7 @@ class Observation:
     box: tuple[float, float, float, float]
     visibility: float | None
     truncated: bool | None
+    whole_box: tuple[float, float, float, float] | None
 
 
 def recorded_frames(capture: Capture, camera_index: int) -> list[int]:
@@ -61,7 +63,7 @@ def observations(capture: Capture, camera_index: int, frame: int) -> Iterator[Ob
         box = max(x0, 0.0), max(y0, 0.0), min(x1, float(camera.width)), min(y1, float(camera.height))
         if box[0] < box[2] and box[1] < box[3]:
             visibility, truncated = state.visibility.get(camera.name), state.truncated.get(camera.name)
-            yield Observation(item, state, box, visibility, truncated)
+            yield Observation(item, state, box, visibility, truncated, state.projected_box.get(camera.name))
 
 
 def object_pixels(

@@ -1,7 +1,8 @@
 """Isaac Replicator's BasicWriter: `<split>/<sequence>/<camera>/<annotator>/<annotator>_0000.*`.
 
 Annotators: rgb, instance_segmentation (16-bit ids, not colourised; 0 = BACKGROUND, 1 = UNLABELLED, else the object's id
-plus 1), distance_to_image_plane (metres, infinite where there is nothing), bounding_box_2d_tight (x_max and y_max are
+plus 1), distance_to_image_plane (metres, infinite where there is nothing), normals (8-bit (n + 1)/2 of the world's
+normals, black where there is none; where the capture has them), bounding_box_2d_tight (x_max and y_max are
 the last pixel; occlusionRatio -1 where unknown) and camera_params. Its matrices act on row vectors and its camera has
 OpenGL axes: `reshape(4, 4).T` of cameraViewTransform is camera-from-world, whatever its own doc string says.
 """
@@ -26,7 +27,7 @@ from aerojax.capture.exports.sources import (
     require_no_skew,
 )
 from aerojax.capture.format import Capture, CaptureCamera
-from aerojax.capture.images import read_depth, read_mask
+from aerojax.capture.images import read_depth, read_mask, read_normal
 from aerojax.errors import UserError
 
 BOX_TYPE = np.dtype(
@@ -71,6 +72,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
             files.write_json("camera_params", "camera_params", frame, parameters)
             _write_segmentation(capture, camera_index, frame, files)
             _write_boxes(list(observations(capture, camera_index, frame)), files, frame)
+            _write_normals(capture, camera_index, frame, files)
             depth = read_depth(capture, camera_index, frame) if options.depth else None
             if depth is not None:
                 kind = "distance_to_image_plane"
@@ -99,6 +101,14 @@ def _write_segmentation(capture: Capture, camera_index: int, frame: int, files: 
     files.write_json(kind, f"{kind}_mapping", frame, names | paths)
     semantics = {number: {"class": name} for number, name in names.items()} | labels
     files.write_json(kind, f"{kind}_semantics_mapping", frame, semantics)
+
+
+def _write_normals(capture: Capture, camera_index: int, frame: int, files: _Folder) -> None:
+    normal = read_normal(capture, camera_index, frame)
+    if normal is None:
+        return
+    colour = np.where(normal.any(axis=-1, keepdims=True), np.round((normal + 1) * 127.5), 0.0).astype(np.uint8)
+    write_png(files.path("normals", "normals", frame, ".png"), np.ascontiguousarray(colour[..., ::-1]))
 
 
 def _write_boxes(seen: list[Observation], files: _Folder, frame: int) -> None:
