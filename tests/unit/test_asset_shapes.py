@@ -26,6 +26,7 @@ SOLIDS = {
     "polyline": shapes.polyline_tube([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0)], 0.1),
     "ellipsoid": shapes.ellipsoid((0.0, 0.0, 1.0), (0.3, 0.2, 0.1)),
     "ring": shapes.ring((0.0, 0.0, 0.0), 1.0, 0.2, 0.1),
+    "hoop": shapes.hoop((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 0.5, 0.02),
     "wing": _wing(),
     "mirrored wing": shapes.mirrored(_wing()),
     "fin": lofts.trapezoid((0.0, 0.0, 0.0), (-0.1, 0.0, 0.3), 0.2, 0.1),
@@ -58,6 +59,14 @@ def test_volumes_equal_the_formulas():
     assert _solid(SOLIDS["ring"]).volume == pytest.approx(wall)
     fine = shapes.ellipsoid((0.0, 0.0, 0.0), (0.3, 0.2, 0.1), rings=80, sides=80)
     assert _solid(fine).volume == pytest.approx(4 / 3 * np.pi * 0.3 * 0.2 * 0.1, rel=5e-3)
+
+
+def test_hoop_stands_across_its_axis():
+    points = SOLIDS["hoop"].points
+    assert np.ptp(points[:, 0]) == pytest.approx(0.02)
+    assert points.mean(0) == pytest.approx([0.0, 0.0, 1.0], abs=1e-12)
+    reach = np.linalg.norm(points[:, 1:] - [0.0, 1.0], axis=1)
+    assert (reach.min(), reach.max()) == pytest.approx((0.49, 0.51))
 
 
 def test_smooth_passes_through_keys_and_never_overshoots():
