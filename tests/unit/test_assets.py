@@ -18,6 +18,7 @@ from aerojax.types import CLASSES
 ONE_EACH = [i for split in ("train", "val", "test") for i in catalogue.identities(split)]
 NAMES = [i.name for i in ONE_EACH]
 each = pytest.mark.parametrize("identity", ONE_EACH, ids=NAMES)
+FEW = list({(i.label, i.split): i for i in ONE_EACH}.values())
 ROTORCRAFT = [i for i in ONE_EACH if i.label in ("drone", "helicopter")]
 BIRDS = [i for i in ONE_EACH if i.label == "bird"]
 
@@ -45,7 +46,7 @@ def _validator() -> UsdValidation.ValidationContext:
     return UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators())
 
 
-@each
+@pytest.mark.parametrize("identity", FEW, ids=[i.name for i in FEW])
 def test_file_is_valid_usd(identity, asset):
     asset(identity)
     stage = Usd.Stage.Open(str(asset.folder / f"{identity.name}.usdc"))
@@ -169,7 +170,7 @@ def test_birds_stay_symmetric(identity, asset):
 
 
 def test_same_seed_same_file(tmp_path):
-    for identity in ONE_EACH[:8]:
+    for identity in ONE_EACH[:4]:
         one = catalogue.build_identity(identity, tmp_path / "a")
         two = catalogue.build_identity(identity, tmp_path / "b")
         for suffix in (".usdc", ".png"):
