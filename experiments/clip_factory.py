@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import multiprocessing.connection
-import os
 import shutil
 import tempfile
-import threading
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +22,7 @@ from aerojax.simulate.dataset import SequenceConfig, sequence_seed, simulate_seq
 from aerojax.training.data import save_clip
 from experiments.launch import write_json
 from experiments.progress import progress_bar
+from experiments.worker_pool import run_jobs
 
 
 @dataclass(frozen=True)
@@ -73,12 +69,11 @@ def ensure_clips(config: ClipsConfig, *, folder: Path, assets: Path, workers: in
         return target
     for identity in {job.identity for job in jobs}:
         build_identity(identity, assets)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool, progress_bar() as bar:
+    with progress_bar() as bar:
         task = bar.add_task(f"clips in {target}", total=len(jobs))
         failures = 0
-        for done in as_completed([pool.submit(_make_clip, job) for job in jobs]):
-            failures += done.result() is not None
+        for reason in run_jobs(_make_clip, jobs, workers=workers):
+            failures += reason is not None
             bar.advance(task)
     if failures:
         Console(stderr=True).print(f"{failures} of {len(jobs)} sequences left no clip: the object was never seen whole")
@@ -93,21 +88,6 @@ def _jobs(config: ClipsConfig, target: Path, assets: Path) -> list[_Job]:
                 name = f"{identity.label}_{identity.name}_{index:03d}"
                 jobs.append(_Job(identity, name, config, assets, target / split / f"{name}.npz"))
     return jobs
-
-
-def _start_worker() -> None:
-    """Workers fill the cores between them, and end with their parent however it ends."""
-    os.environ["XLA_FLAGS"] = (
-        os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
-    )  # read at first use
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)
 
 
 def _make_clip(job: _Job) -> str | None:

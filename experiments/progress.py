@@ -3,16 +3,41 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
 
 
-def progress_bar() -> Progress:
-    """A bar with count, elapsed and remaining time, on standard error so that results can be piped."""
-    columns = (
+class _RateColumn(ProgressColumn):
+    """Steps a second so far."""
+
+    def __init__(self, unit: str):
+        super().__init__()
+        self._unit = unit
+
+    def render(self, task: Task) -> Text:
+        return Text(f"{task.finished_speed or task.speed or 0.0:.1f} {self._unit}")
+
+
+def progress_bar(unit: str | None = None) -> Progress:
+    """A bar with count, elapsed and remaining time, on standard error so that results can be piped.
+
+    Args:
+        unit: such as "images/s"; shows the rate in it.
+    """
+    columns: tuple[ProgressColumn, ...] = (
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    return Progress(*columns, console=Console(stderr=True))
+    return Progress(*columns, *([_RateColumn(unit)] if unit else []), console=Console(stderr=True))

@@ -1,0 +1,96 @@
+"""Generate the data set: sequences of the 91 identities before the thesis' camera networks, with exact truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from aerojax.config import to_mapping
+from aerojax.simulate.campaign import CampaignConfig, SequenceTask, count, work_list
+from aerojax.simulate.manifest import ENTRY
+from aerojax.simulate.sizes import estimated_bytes
+from experiments.dataset_factory import Made, Shard, make_dataset
+from experiments.launch import Run, experiment, write_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config(CampaignConfig):
+    """A data set, where it is made, and how.
+
+    folder: of the data set; several rigs may share it.
+    workers: processes. shard, shards: this process's share of the sequences.
+    dry_run: only list the work. overwrite: make this rig's sequences again.
+    """
+
+    preset: str
+    folder: Path
+    workers: int
+    shard: int
+    shards: int
+    dry_run: bool
+    overwrite: bool
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """List the work, or do it and say how fast it was."""
+    console = Console(soft_wrap=True)
+    tasks = work_list(config)
+    counts = count(config, tasks)
+    metrics = {"folder": str(config.folder), **to_mapping(counts), "estimated_bytes": estimated_bytes(config, tasks)}
+    if config.dry_run:
+        list_work(config, tasks, console)
+        write_json(run.directory / "metrics.json", metrics)
+        return
+    shard = Shard(config.shard, config.shards)
+    made = make_dataset(plain(config), config.folder, workers=config.workers, shard=shard, overwrite=config.overwrite)
+    write_json(run.directory / "metrics.json", {**metrics, **summary(made)})
+    console.print(summary_line(config.folder, made))
+
+
+def plain(config: Config) -> CampaignConfig:
+    """The part that decides the bytes, without place and workers."""
+    names = CampaignConfig.__dataclass_fields__
+    return CampaignConfig(**{name: getattr(config, name) for name in names})
+
+
+def list_work(config: Config, tasks: tuple[SequenceTask, ...], console: Console) -> None:
+    """Print every sequence with whether it is there already, and the totals."""
+    for task in tasks[config.shard :: config.shards]:
+        there = (config.folder / task.folder / ENTRY).is_file()
+        console.print(f"{'done' if there else 'todo'} {task.folder}", highlight=False)
+    counts, size = count(config, tasks), estimated_bytes(config, tasks) / 1e9
+    console.print(
+        f"{config.folder}: {counts.identities} identities, {counts.sequences} sequences, {counts.frames} frames, "
+        f"{counts.images} images, about {size:.2f} GB"
+    )
+
+
+def summary(made: Made) -> dict[str, float | int | bool]:
+    """Figures of a run: rate, and shares of the workers' time."""
+    costs = made.costs
+    spent = max(costs.simulate + costs.cast + costs.write, 1e-9)
+    shares = {key: round(getattr(costs, key) / spent, 3) for key in ("simulate", "cast", "write")}
+    rate = round(costs.images / max(made.seconds, 1e-9), 2)
+    return {
+        "made": made.sequences,
+        "images_written": costs.images,
+        "images_per_s": rate,
+        **shares,
+        "complete": made.complete,
+    }
+
+
+def summary_line(folder: Path, made: Made) -> str:
+    """One line for people."""
+    facts = summary(made)
+    state = "complete" if made.complete else "other shards are still missing"
+    split = ", ".join(f"{key} {100 * float(facts[key]):.0f} %" for key in ("simulate", "cast", "write"))
+    rate = f"{facts['images_written']} images, {facts['images_per_s']} images/s ({split})"
+    return f"{folder}: {made.sequences} sequences made, {rate}; {state}"
+
+
+if __name__ == "__main__":
+    main()
