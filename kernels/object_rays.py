@@ -177,7 +177,6 @@ def object_kernel() -> Any:
                 normal = -normal
             if _hidden(surfaces, view, direction, depth):
                 found = wp.int32(0)
-        met = wp.int32(0)
         return met, found - 1, depth, face, bu, bv, normal
 
     @wp.kernel

@@ -93,6 +93,7 @@ def face_looks(
         if picture is None:
             value = _constant(shader)
             if value is not None:
+                texture[chosen] = -1
                 albedo[chosen] = srgb_of_linear(np.asarray(value, np.float64))
             continue
         texture[chosen] = shelf.index_of(_texture_path(picture, mesh))
