@@ -37,54 +37,11 @@ TABLE: dict[str, dict[str, int]] = {
 }
 """Class, split, number of identities: 91 in all (thesis Table 6.3)."""
 
-_BEFORE: dict[str, dict[str, tuple[str, ...]]] = {
-    "bird": {
-        "train": ("passerine", "gull", "buzzard", "goose", "pigeon", "heron", "swift", "albatross"),
-        "val": ("crow", "falcon"),
-        "test": ("eagle", "stork", "duck"),
-    },
-    "drone": {
-        "train": (
-            "camera_quad",
-            "racing_quad",
-            "hexacopter",
-            "micro_quad",
-            "research_quad",
-            "tricopter",
-            "guarded_quad",
-            "heavy_lift",
-            "coaxial_x8",
-        ),
-        "val": ("octocopter", "h_frame"),
-        "test": ("dead_cat", "coaxial_y6"),
-    },
-    "airplane": {
-        "train": (
-            "high_wing_trainer",
-            "airliner",
-            "low_wing_sport",
-            "fighter",
-            "glider",
-            "twin_prop",
-            "business_jet",
-            "foam_flyer",
-            "flying_wing",
-        ),
-        "val": ("commuter", "canard_delta"),
-        "test": ("biplane", "twin_boom"),
-    },
-    "helicopter": {
-        "train": ("light_piston", "transport", "light_turbine", "attack", "pod_and_boom", "fenestron", "tandem"),
-        "val": ("heavy_transport", "utility"),
-        "test": ("open_frame", "coaxial"),
-    },
-}
-
 SPLITS: dict[str, dict[str, tuple[str, ...]]] = {
-    "bird": getattr(bird_families, "SPLITS", _BEFORE["bird"]),
-    "drone": getattr(multicopter_families, "SPLITS", _BEFORE["drone"]),
-    "airplane": getattr(airplane_families, "SPLITS", _BEFORE["airplane"]),
-    "helicopter": getattr(helicopter_families, "SPLITS", _BEFORE["helicopter"]),
+    "bird": bird_families.SPLITS,
+    "drone": multicopter_families.SPLITS,
+    "airplane": airplane_families.SPLITS,
+    "helicopter": helicopter_families.SPLITS,
 }
 """Class, split, families. The commonest kinds and the extremes train (longest wings, fewest arms, most rotors), so that
 kinds seen only in validation or test lie between kinds that were trained on."""
