@@ -19,6 +19,7 @@ REQUIRED = {
     "classify_folder": ("captures=captures",),
     "fit_gaussians": ("capture=capture",),
     "export_dataset": ("dataset=dataset", "format=[coco,yolo]", "out=out"),
+    "import_models": ("models=models.yaml",),
     "import_replicator": ("recording=recording", "out=out", "fps=30"),
 }
 

@@ -1,0 +1,54 @@
+"""Convert users' own models and draw them, to see that they are upright, whole and animated before they fly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from aerojax.simulate.assets.catalogue import build_identity
+from aerojax.simulate.assets.imported import imported_identities
+from aerojax.simulate.usd_scene import load_animated_mesh
+from experiments.draw_contact_sheets import SheetConfig, arranged, cell, write_jpeg
+from experiments.launch import Run, experiment, write_json
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which models, where their stages go, and how they are drawn."""
+
+    preset: str
+    models: Path
+    assets: Path
+    out: Path | None
+    sheet: SheetConfig
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Write every model's stage, `models.jpg` with two poses of each, and what was measured."""
+    folder = config.out or run.directory
+    folder.mkdir(parents=True, exist_ok=True)
+    table = Table("model", "class", "split", "length, width, height (m)", "faces", "cycle (s)")
+    cells, found = [], {}
+    for identity in imported_identities(config.models):
+        mesh = load_animated_mesh(build_identity(identity, config.assets))
+        size = np.ptp(mesh.vertices_at(0.0), axis=0).astype(float).round(3).tolist()
+        found[identity.name] = {"size_m": size, "faces": len(mesh.faces), "cycle_seconds": mesh.cycle_seconds}
+        words = (", ".join(f"{v:.3f}" for v in size), str(len(mesh.faces)), f"{mesh.cycle_seconds:.3f}")
+        table.add_row(identity.name, identity.label, identity.split, *words)
+        cells.append(cell(identity, config.assets, config.sheet))
+    if cells:
+        write_jpeg(folder / "models.jpg", arranged(cells, config.sheet.columns), config.sheet.largest_bytes)
+    write_json(run.directory / "metrics.json", found)
+    Console().print(table)
+    Console().print(
+        f"{folder / 'models.jpg'}: {len(cells)} models; their stages are in {config.assets}", soft_wrap=True
+    )
+
+
+if __name__ == "__main__":
+    main()
