@@ -10,16 +10,18 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt16
+from jaxtyping import Bool, UInt8, UInt16
 
 from aerojax.capture.exports.sources import Placement
 from aerojax.capture.format import Capture
 from aerojax.capture.images import read_mask, read_rgb, source_frame
 from aerojax.capture.paths import RGB_SUFFIXES, is_video, locate
+from aerojax.capture.png import encode_png
 from aerojax.capture.truth import ObjectState, TrackedObject
 from aerojax.errors import UserError
+from aerojax.geometry.boxes import tight_box
 
-_PNG_LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, 3]  # as captures are written
+_PNG_LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, 3]  # twice the speed of the default for a tenth more bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +114,8 @@ def place_image(
     path = target.with_name(target.name + ".png")
     rgb = read_rgb(capture, camera_index, frame)
     assert rgb is not None
-    write_png(path, cv2.cvtColor(np.round(rgb * 255.0).astype(np.uint8), cv2.COLOR_RGB2BGR))
+    pixels = cv2.cvtColor(np.round(rgb * 255.0).astype(np.uint8), cv2.COLOR_RGB2BGR)
+    path.write_bytes(cv2.imencode(".png", pixels, _PNG_LEVEL)[1].tobytes())
     return path
 
 
@@ -133,11 +136,15 @@ def place_mask(capture: Capture, camera_index: int, frame: int, path: Path) -> b
     mask = read_mask(capture, camera_index, frame)
     if mask is None:
         return False
-    write_png(path, np.where(mask > 0, np.uint8(255), np.uint8(0)))
+    write_sparse_png(path, np.where(mask > 0, np.uint8(255), np.uint8(0)))
     return True
 
 
-def write_png(path: Path, image: np.ndarray) -> None:
-    """Write grey or BGR pixels; folders are made."""
+def write_sparse_png(path: Path, image: UInt8[np.ndarray, "*shape"] | UInt16[np.ndarray, "*shape"]) -> None:
+    """Write a grey or RGB image that is mostly 0, in time that goes with the rest of it; folders are made."""
+    channels = image if image.ndim == 3 else image[..., None]
+    height, width, count = channels.shape
+    box = tight_box(np.any(channels, axis=-1)) or (0.0, 0.0, 0.0, 0.0)
+    x0, y0, x1, y1 = (int(side) for side in box)
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(cv2.imencode(".png", image, _PNG_LEVEL)[1].tobytes())
+    path.write_bytes(encode_png(channels[y0:y1, x0:x1], (x0, y0), (width, height), (0,) * count))

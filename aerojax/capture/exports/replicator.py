@@ -18,7 +18,13 @@ from typing import Any
 import numpy as np
 
 from aerojax.capture.exports.nerfstudio import OPENGL_FROM_OPENCV
-from aerojax.capture.exports.observations import Observation, observations, place_image, recorded_frames, write_png
+from aerojax.capture.exports.observations import (
+    Observation,
+    observations,
+    place_image,
+    recorded_frames,
+    write_sparse_png,
+)
 from aerojax.capture.exports.sources import (
     ExportOptions,
     SourceSequence,
@@ -93,7 +99,7 @@ def _write_segmentation(capture: Capture, camera_index: int, frame: int, files: 
         raise UserError(f"{capture.folder}: object id {mask.max()} does not fit beside Replicator's two; renumber it")
     kind = "instance_segmentation"
     shifted = np.where(mask > 0, mask + np.uint16(FIRST_ID - 1), np.uint16(0))
-    write_png(files.path(kind, kind, frame, ".png"), shifted)
+    write_sparse_png(files.path(kind, kind, frame, ".png"), shifted)
     names = {"0": "BACKGROUND", "1": "UNLABELLED"}
     present = [o for o in capture.truth.objects if np.any(mask == o.object_id)]
     paths = {str(o.object_id + FIRST_ID - 1): prim_path(o.object_id, o.class_name) for o in present}
@@ -108,7 +114,7 @@ def _write_normals(capture: Capture, camera_index: int, frame: int, files: _Fold
     if normal is None:
         return
     colour = np.where(normal.any(axis=-1, keepdims=True), np.round((normal + 1) * 127.5), 0.0).astype(np.uint8)
-    write_png(files.path("normals", "normals", frame, ".png"), np.ascontiguousarray(colour[..., ::-1]))
+    write_sparse_png(files.path("normals", "normals", frame, ".png"), colour)
 
 
 def _write_boxes(seen: list[Observation], files: _Folder, frame: int) -> None:
