@@ -104,7 +104,7 @@ def tail_hub(p: HelicopterParameters) -> Vector:
         return (-0.985 + p.fin_chord - p.tail_radius - 0.01, 0.0, boom_height(p, -0.97) - 0.01)
     lift = max(0.75 * p.fin_height, p.tail_radius + 0.02) if p.fin_below == 0 else 0.1 * p.fin_height
     if p.stabiliser_height > 0:  # below the tailplane
-        lift = p.stabiliser_height * p.fin_height - p.tail_radius - 0.015
+        lift = p.stabiliser_height * p.fin_height - p.tail_radius - 0.025
     sweep = p.fin_sweep * lift if p.fin_below == 0 else 0.0
     return (x - 0.6 * sweep, 0.012 + max(0.025, p.boom_tip), boom_height(p, -0.97) + lift)
 

@@ -45,7 +45,7 @@ WORK: dict[str, dict[str, Any]] = {
         "nose_angle": 0.0,
         "coaxial": True,
         "blades": 2,
-        "propeller_fill": (0.78, 0.88),
+        "propeller_fill": (0.72, 0.82),
         "arm_rise": (-0.19, -0.16),
         "round_arms": True,
         "arm_width": (0.03, 0.038),
