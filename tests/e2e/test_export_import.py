@@ -9,23 +9,41 @@ import pytest
 from command_line import run_command
 
 from aerojax.capture.format import read_capture
-from aerojax.capture.images import read_mask
-from aerojax.simulate.assets.catalogue import identities
-from aerojax.simulate.dataset import SequenceConfig, simulate_sequence
+from aerojax.capture.images import read_depth, read_mask
+from aerojax.simulate.assets.catalogue import build_identity, identities
+from aerojax.simulate.dataset import SequenceConfig, draw_sequence, simulate_sequence
+from aerojax.simulate.flight import Flight
+from aerojax.simulate.record import Actor, ScenePlan, image_patterns, record_scene
+from aerojax.simulate.render import Dome
+from aerojax.simulate.rendering import ImageConfig
 from aerojax.simulate.rigs import RigConfig
 from experiments import export_dataset, import_replicator
+
+CONFIG = SequenceConfig(rigs=(RigConfig(kind="circle", cameras=3, width=320, height=240),), frames=3, samples=1)
 
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
-    """A folder of two simulated sequences of different classes."""
+    """Two simulated sequences: one drone; a bird with a helicopter that leaves, with all that a capture may hold."""
     folder = tmp_path_factory.mktemp("simulated")
-    rig = RigConfig(kind="circle", cameras=3, width=320, height=240)
-    config = SequenceConfig(rigs=(rig,), frames=3, samples=1)
     chosen = {identity.label: identity for identity in identities("val", 1)}
-    for label in ("bird", "drone"):
-        simulate_sequence(chosen[label], config, seed=7, folder=folder / "set/val" / label, assets=folder / "assets")
+    assets = folder / "assets"
+    simulate_sequence(chosen["drone"], CONFIG, seed=7, folder=folder / "set/val/drone", assets=assets)
+    plan = draw_sequence("bird", CONFIG, seed=7)
+    away = np.linspace([0.5, 0.0, 0.3], [12.0, 0.0, 9.0], CONFIG.frames)
+    actors = [
+        Actor(chosen[label], build_identity(chosen[label], assets), _moved(plan.flight, plan.origin + shift), 0.0)
+        for label, shift in (("bird", 0.0), ("helicopter", away))
+    ]
+    images = ImageConfig(samples=1, normals=True)
+    cameras = tuple(image_patterns(camera, images) for camera in plan.cameras)
+    sky = Dome(light=plan.lighting, by_camera={c.name: d for c, d in zip(cameras, plan.domes, strict=True)})
+    record_scene(ScenePlan(tuple(actors), cameras, cameras, sky, images, CONFIG.frames, 30.0), folder / "set/val/pair")
     return folder
+
+
+def _moved(flight, shift):
+    return Flight(flight.position + shift, flight.world_from_body)
 
 
 def test_export_and_import(simulated, tmp_path, monkeypatch):
@@ -34,7 +52,7 @@ def test_export_and_import(simulated, tmp_path, monkeypatch):
     run_command(export_dataset, monkeypatch, *given, "format=[coco,replicator]")
     assert json.loads((tmp_path / "run/metrics.json").read_text())["sequences"] == 2
     coco = json.loads((folder / "coco/annotations/instances_val.json").read_text())
-    assert len(coco["images"]) == 18 and {a["category_id"] for a in coco["annotations"]} == {1, 2}
+    assert len(coco["images"]) == 18 and {a["category_id"] for a in coco["annotations"]} == {1, 2, 4}
 
     recording, back = f"recording={folder}/replicator/val/drone", tmp_path / "back"
     run_command(import_replicator, monkeypatch, recording, f"out={back}", "fps=30", run)
@@ -44,6 +62,34 @@ def test_export_and_import(simulated, tmp_path, monkeypatch):
     # A body of 1 m: the visible surface's mean lies within half of that of its origin.
     one, other = before.truth.objects[0].frames[2], after.truth.objects[0].frames[2]
     assert np.linalg.norm(np.subtract(one.position, other.position)) < 0.5
+
+
+def test_a_pair_in_every_format(simulated, tmp_path, monkeypatch):
+    folder, run = tmp_path / "out", f"hydra.run.dir={tmp_path}/run"
+    formats = "format=[coco,yolo,mot,colmap,nerfstudio,replicator]"
+    run_command(export_dataset, monkeypatch, f"dataset={simulated}/set/val/pair", f"out={folder}", formats, run)
+    capture = read_capture(simulated / "set/val/pair")
+    leaving = capture.truth.objects[1]
+    gone = [not any(state.visible.values()) for state in leaving.frames]
+    cut = sum(flag for state in leaving.frames for flag in state.truncated.values())
+    assert gone[-1] and not gone[0] and cut > 0
+    coco = json.loads((folder / "coco/annotations/instances_all.json").read_text())
+    shown = [sum(state.visible.values()) for o in capture.truth.objects for state in o.frames]
+    assert len(coco["annotations"]) == sum(shown)
+    assert all({"visibility", "truncated", "amodal_bbox"} <= set(a) for a in coco["annotations"])
+    assert sum(len(p.read_text().splitlines()) for p in (folder / "yolo/labels/all").iterdir()) == sum(shown)
+    lines = [p.read_text().splitlines() for p in (folder / "mot/aerojax-all").glob("*/gt/gt.txt")]
+    assert len(lines) == 3 and sum(map(len, lines)) == sum(shown)
+    assert len(list((folder / "replicator/all/pair").glob("*/normals/normals_*.png"))) == 9
+
+    recording, back = f"recording={folder}/replicator/all/pair", tmp_path / "back"
+    run_command(import_replicator, monkeypatch, recording, f"out={back}", "fps=30", run)
+    after = read_capture(back)
+    assert [o.class_name for o in after.truth.objects] == ["bird", "helicopter"]
+    for index in range(3):
+        for frame in range(3):
+            for read in (read_mask, read_depth):
+                np.testing.assert_array_equal(read(after, index, frame), read(capture, index, frame))
 
 
 @pytest.mark.parametrize(
