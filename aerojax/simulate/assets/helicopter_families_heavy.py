@@ -118,7 +118,7 @@ HEAVY_KINDS: dict[str, dict[str, Any]] = {
         "gear_height": (0.1, 0.13),
         "gear_width": (0.3, 0.34),
         "cargo": (0.28, 0.34),
-        "rotor_ratio": (1.02, 1.1),
+        "rotor_ratio": (0.94, 1.02),
     },
     "synchropter": HEAVY
     | {
