@@ -179,11 +179,20 @@ def test_same_seed_same_file(tmp_path):
     assert catalogue.build_identity(other, tmp_path / "c").read_bytes() != (tmp_path / "a" / one.name).read_bytes()
 
 
-def test_existing_file_is_kept(tmp_path):
+def test_existing_files_are_kept(tmp_path):
     path = tmp_path / f"{ONE_EACH[0].name}.usdc"
     path.write_bytes(b"mine")
+    path.with_suffix(".png").write_bytes(b"mine too")
     assert catalogue.build_identity(ONE_EACH[0], tmp_path) == path
-    assert path.read_bytes() == b"mine"
+    assert path.read_bytes() == b"mine" and path.with_suffix(".png").read_bytes() == b"mine too"
+
+
+def test_a_stage_without_its_texture_is_built_again(tmp_path):
+    path = catalogue.build_identity(ONE_EACH[0], tmp_path)
+    whole = path.read_bytes(), path.with_suffix(".png").read_bytes()
+    path.with_suffix(".png").unlink()
+    catalogue.build_identity(ONE_EACH[0], tmp_path)
+    assert (path.read_bytes(), path.with_suffix(".png").read_bytes()) == whole
 
 
 def test_no_partial_files_remain(tmp_path):

@@ -122,7 +122,7 @@ def build_identity(identity: Identity, folder: Path) -> Path:
     families = SPLITS.get(identity.label, {})
     if not any(identity.family in names for names in families.values()):
         raise UserError(f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}")
-    if path.exists():
+    if path.exists() and path.with_suffix(".png").exists():
         return path
     rng = np.random.default_rng(identity.seed)
     colour_seed = seed_of("colours", identity.seed)
