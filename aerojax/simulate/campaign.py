@@ -14,6 +14,7 @@ from aerojax.simulate.flight import Motion
 from aerojax.simulate.rendering import ImageConfig
 from aerojax.simulate.rigs import RigConfig
 from aerojax.simulate.scenery import SceneryConfig
+from aerojax.simulate.sensor import SensorConfig
 from aerojax.simulate.stations import StationConfig, Volume, conditions
 
 SPLITS = ("train", "val", "test")
@@ -89,6 +90,8 @@ class CampaignConfig:
     classes: only these; empty takes all four.
     identities_per_class: only the first so many of each class and split, for trials; 0 takes all.
     models: list of the user's own models, which are added; None without.
+    sensor: of every camera.
+    randomisation: 0 for none to 1 for cheap cameras and unusual light, drawn for each camera and sequence.
     """
 
     seed: int
@@ -103,6 +106,8 @@ class CampaignConfig:
     classes: tuple[str, ...] = ()
     identities_per_class: int = 0
     models: Path | None = None
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    randomisation: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -187,6 +192,7 @@ def check(config: CampaignConfig) -> None:
         (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),
         (crowd.per_family < 1, f"crowd.per_family is {crowd.per_family}; use 1 or more"),
         (config.identities_per_class < 0, f"identities_per_class is {config.identities_per_class}; use 0 for all"),
+        (not 0 <= config.randomisation <= 1, f"randomisation is {config.randomisation:g}; use 0 (none) to 1"),
         (min(dataclasses.astuple(faults)) < 0, "faults has a negative size; use 0 for none"),
         (
             config.radii and (rig.station is None or not set(config.radii) <= set(rig.station.radii)),

@@ -11,7 +11,7 @@ from aerojax.types import CLASSES
 NAME = "AeroSplat-4D"
 LICENCE_ADDRESS = "https://creativecommons.org/licenses/by/4.0/"
 ABOUT = (
-    "Synchronised multi-camera video of single flying objects (birds, drones, airplanes, helicopters) with "
+    "Synchronised multi-camera video of flying objects (birds, drones, airplanes, helicopters) with "
     "calibration, instance masks, depth and 6-DoF truth, rendered from procedural animated 3D models."
 )
 LICENCE_TEXT = f"""The images, annotations and metadata in this folder were generated with aerojax and are offered under
@@ -29,7 +29,7 @@ rigs/                   configuration of each camera network, versions and commi
 train|val|test/<sequence>/
   capture.json          cameras: K (pixels), world_from_cam (metres, OpenCV axes), file patterns
   truth.json            by frame: position, orientation, joints; by camera: boxes, visibility, truncation
-  scene.usda            the sequence as a USD stage
+  scene.usda            the sequence as a USD stage (with scenery.usdc outdoors)
   sequence.json         the sequence's entry in dataset.json
   cam_NN/rgb|mask|coverage|normal/*.png, cam_NN/depth|flow/*.tiff
 ```"""
@@ -41,7 +41,7 @@ _FIELDS = """| file | content |
 | `coverage` | 8 bits, share of the pixel that objects cover, 255 = all |
 | `depth` | float32 TIFF, metres along the optical axis (not along the ray), 0 = no object |
 | `normal` | 16-bit RGB, world normals as (n + 1)/2·65535, 0 0 0 = none |
-| `flow` | two-channel float32 TIFF, pixels to the next frame, right and down; 0 in the last frame's absence of one |
+| `flow` | two-channel float32 TIFF, pixels to the next frame's place, right and down |
 
 World: right-handed, metres, +Z up. Camera: +x right, +y down, +z forward; the centre of the top-left pixel is at
 (0.5, 0.5). Body: nose +X, up +Z, size normalised to 1 m, so that size is no cue. Quaternions are w, x, y, z.

@@ -10,7 +10,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from scipy.spatial.transform import Rotation, Slerp
 
 from aerojax.capture.format import (
@@ -29,8 +29,10 @@ from aerojax.simulate.assets.catalogue import Identity
 from aerojax.simulate.flight import Flight
 from aerojax.simulate.render import Environment, SceneRenderer
 from aerojax.simulate.rendering import ImageConfig, ObjectView, Rendering
-from aerojax.simulate.scene import author_scene
+from aerojax.simulate.scene import StagedObject, author_stage, poses_of, write_scenery
+from aerojax.simulate.sensor import SensorConfig, expose, through_shutter
 from aerojax.simulate.usd_scene import AnimatedMesh, load_animated_mesh
+from kernels.landscape import LandscapeMesh
 
 ASSET_LICENCE = "Apache-2.0"
 
@@ -64,6 +66,9 @@ class ScenePlan:
     images: what is rendered.
     frames, fps: length and rate.
     margin: frames by which flights are longer at either end: for the next pose of the last frame and for late clocks.
+    sensors: one a camera; ideal ones if empty.
+    noise_seed: of the sensors' noise.
+    landscape: what the environment shows, for the scene's stage; None before a dome.
     """
 
     actors: tuple[Actor, ...]
@@ -74,6 +79,9 @@ class ScenePlan:
     frames: int
     fps: float
     margin: int = 0
+    sensors: tuple[SensorConfig, ...] = ()
+    noise_seed: int = 0
+    landscape: LandscapeMesh | None = None
 
 
 @dataclass
@@ -125,8 +133,18 @@ def record_scene(plan: ScenePlan, folder: Path) -> tuple[Capture, Costs]:
 
 
 def _author(plan: ScenePlan, path: Path) -> None:
-    actor = plan.actors[0]
-    author_scene(path, actor.stage, _inside(actor.flight, plan), plan.cameras, fps=plan.fps, origin=np.zeros(3))
+    objects = [
+        StagedObject(actor.stage, poses_of(_inside(actor.flight, plan), np.zeros(3)), actor.phase)
+        for actor in plan.actors
+    ]
+    towards = [plan.environment.lighting(frame / plan.fps).sun_direction for frame in range(plan.frames)]
+    sun = np.array(towards) / np.linalg.norm(towards, axis=1, keepdims=True)
+    scenery = None
+    if plan.landscape is not None:
+        scenery = path.with_name("scenery.usdc")
+        write_scenery(scenery, plan.landscape)
+    sun = sun[:1] if np.all(sun == sun[0]) else sun
+    author_stage(path, objects, plan.cameras, fps=plan.fps, sun=sun, scenery=scenery)
 
 
 def _inside(flight: Flight, plan: ScenePlan) -> Flight:
@@ -152,20 +170,46 @@ def poses_at(flight: Flight, index: float) -> Float[np.ndarray, "4 4"]:
 
 def _record_frame(renderer: SceneRenderer, plan: ScenePlan, frame: int, folder: Path, costs: Costs) -> Views:
     views: Views = {}
-    for offset in dict.fromkeys(camera.time_offset_s for camera in plan.cameras):
+    posed: float | None = None
+    for index, camera in enumerate(plan.cameras):
+        sensor = plan.sensors[index] if plan.sensors else SensorConfig()
+        moment = frame + camera.time_offset_s * plan.fps
         clock = time.perf_counter()
-        _pose(renderer, plan, frame + offset * plan.fps)
-        costs.simulate += time.perf_counter() - clock
-        for camera in plan.cameras:
-            if camera.time_offset_s != offset:
-                continue
-            clock = time.perf_counter()
-            image = renderer.image(camera, time=frame / plan.fps + offset)
-            costs.cast, clock = costs.cast + time.perf_counter() - clock, time.perf_counter()
-            write_rendering(folder, camera, frame, image)
-            costs.write, costs.images = costs.write + time.perf_counter() - clock, costs.images + 1
-            views[camera.name, frame] = image.objects
+        if posed != moment:
+            _pose(renderer, plan, moment)
+            posed = moment
+        costs.simulate, clock = costs.simulate + time.perf_counter() - clock, time.perf_counter()
+        image = renderer.image(camera, time=moment / plan.fps)
+        rgb = None
+        if sensor != SensorConfig():
+            rng = np.random.default_rng([plan.noise_seed, index, frame])
+            rgb = _sensed(renderer, plan, camera, moment, image, sensor, rng)
+            posed = None  # the shutter's moments moved the objects
+        costs.cast, clock = costs.cast + time.perf_counter() - clock, time.perf_counter()
+        write_rendering(folder, camera, frame, image, rgb)
+        costs.write, costs.images = costs.write + time.perf_counter() - clock, costs.images + 1
+        views[camera.name, frame] = image.objects
     return views
+
+
+def _sensed(
+    renderer: SceneRenderer,
+    plan: ScenePlan,
+    camera: CaptureCamera,
+    moment: float,
+    image: Rendering,
+    sensor: SensorConfig,
+    rng: np.random.Generator,
+) -> UInt8[np.ndarray, "height width 3"]:
+    """The whole picture as the camera's sensor stores it."""
+
+    def picture(seconds: float) -> np.ndarray:
+        _pose(renderer, plan, moment + seconds * plan.fps)
+        return renderer.image(camera, time=moment / plan.fps + seconds).full_rgb()
+
+    still = sensor.shutter == 0 and sensor.row_time == 0
+    rgb = image.full_rgb() if still else through_shutter(picture, camera.height, sensor, plan.fps)
+    return np.round(np.clip(expose(rgb, sensor, rng=rng), 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
 def _pose(renderer: SceneRenderer, plan: ScenePlan, frame: float) -> None:
@@ -177,11 +221,18 @@ def _pose(renderer: SceneRenderer, plan: ScenePlan, frame: float) -> None:
     renderer.pose(*moment(frame), next_seconds=following[0], next_world_from_body=following[1])
 
 
-def write_rendering(folder: Path, camera: CaptureCamera, frame: int, image: Rendering) -> None:
-    """Write the images of one rendering that the camera has patterns for."""
+def write_rendering(
+    folder: Path,
+    camera: CaptureCamera,
+    frame: int,
+    image: Rendering,
+    rgb: UInt8[np.ndarray, "height width 3"] | None = None,
+) -> None:
+    """Write the images of one rendering that the camera has patterns for; `rgb` replaces its colours."""
     constant = image.background.ndim == 1
     around = np.round(image.background * 255.0).astype(int).tolist() if constant else (0, 0, 0)
-    rgb = np.round(image.rgb * 255.0).astype(np.uint8) if constant else image.full_rgb8()
+    if rgb is None:
+        rgb = np.round(image.rgb * 255.0).astype(np.uint8) if constant else image.full_rgb8()
     coverage = None if image.coverage is None else np.round(image.coverage * 255.0).astype(np.uint8)
     extra = FrameExtras(
         coverage if camera.coverage else None,

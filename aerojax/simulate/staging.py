@@ -21,8 +21,10 @@ from aerojax.simulate.record import Actor, ScenePlan, image_patterns
 from aerojax.simulate.render import Dome, Environment
 from aerojax.simulate.rigs import draw_rig
 from aerojax.simulate.scenery import build_scenery
+from aerojax.simulate.sensor import SensorConfig, draw_lighting, draw_sensor
 from aerojax.simulate.sky import SkyConfig
 from aerojax.simulate.stations import BODY_RADIUS, cameras_that_see, conditions, place_cameras
+from kernels.landscape import LandscapeMesh
 from kernels.raytrace import Lighting
 
 _ATTEMPTS = 400
@@ -68,8 +70,26 @@ def draw_scene(task: SequenceTask, config: CampaignConfig, assets: Path) -> Scen
         for camera, offset in zip(stage.cameras, offsets, strict=True)
     )
     calibration = tuple(misstated(camera, config.faults, fault_rng) for camera in cameras)
-    environment = _environment(task, config, cameras, light_rng)
-    return ScenePlan(actors, cameras, calibration, environment, config.images, config.frames, config.fps, margin)
+    environment, landscape = _environment(task, config, cameras, light_rng)
+    return ScenePlan(
+        actors,
+        cameras,
+        calibration,
+        environment,
+        config.images,
+        config.frames,
+        config.fps,
+        margin,
+        sensors=_sensors(config, len(cameras), fault_rng),
+        noise_seed=int(fault_rng.integers(2**31)),
+        landscape=landscape,
+    )
+
+
+def _sensors(config: CampaignConfig, cameras: int, rng: np.random.Generator) -> tuple[SensorConfig, ...]:
+    if config.randomisation == 0:
+        return (config.sensor,) * cameras
+    return tuple(draw_sensor(config.sensor, config.randomisation, rng=rng) for _ in range(cameras))
 
 
 def _draw_stage(task: SequenceTask, config: CampaignConfig, rng: np.random.Generator) -> Stage:
@@ -176,22 +196,25 @@ def misstated(camera: CaptureCamera, faults: FaultConfig, rng: np.random.Generat
 
 def _environment(
     task: SequenceTask, config: CampaignConfig, cameras: tuple[CaptureCamera, ...], rng: np.random.Generator
-) -> Environment:
+) -> tuple[Environment, LandscapeMesh | None]:
     if config.rig.environment == "outdoor":
         return _outdoors(task, config, cameras, rng)
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.deg2rad(rng.uniform(20, 80))
     flat = np.cos(elevation)
     sun = (float(flat * np.cos(azimuth)), float(flat * np.sin(azimuth)), float(np.sin(elevation)))
     light = Lighting(sun, sun=rng.uniform(0.2, 0.7), sky=rng.uniform(0.35, 0.7), ground=rng.uniform(0.1, 0.4))
+    if config.randomisation > 0:
+        light = draw_lighting(light, config.randomisation, rng=rng)
     if config.rig.environment == "white":
-        return Dome(light=light)
+        return Dome(light=light), None
     skies = rng.uniform([0.45, 0.55, 0.65], [0.85, 0.9, 1.0], (len(cameras), 3))
-    return Dome(light=light, by_camera={c.name: tuple(s.tolist()) for c, s in zip(cameras, skies, strict=True)})
+    by_camera = {c.name: (s[0], s[1], s[2]) for c, s in zip(cameras, skies.tolist(), strict=True)}
+    return Dome(light=light, by_camera=by_camera), None
 
 
 def _outdoors(
     task: SequenceTask, config: CampaignConfig, cameras: tuple[CaptureCamera, ...], rng: np.random.Generator
-) -> Environment:
+) -> tuple[Environment, LandscapeMesh | None]:
     """A landscape and a day of its own for every sequence: clear to hazy, bright to cloudy, low to high sun."""
     sky = SkyConfig(
         turbidity=rng.uniform(2.0, 5.0),
@@ -204,4 +227,5 @@ def _outdoors(
     )
     centres = np.stack([camera.world_from_cam[:2, 3] for camera in cameras])
     seed = sequence_seed(config.seed, f"{task.name}/landscape") % 2**31
-    return Outdoors(build_scenery(config.rig.scenery, centres, seed=seed), sky)
+    landscape = build_scenery(config.rig.scenery, centres, seed=seed)
+    return Outdoors(landscape, sky), landscape
