@@ -14,7 +14,7 @@ from aerojax.capture.exports.export import FORMATS, chosen_formats, export_datas
 from aerojax.capture.exports.replicator import camera_parameters
 from aerojax.capture.exports.run_length import encode_mask
 from aerojax.capture.exports.sources import ExportOptions, find_sequences, safe_name, stable_id
-from aerojax.capture.format import read_capture, write_capture_json
+from aerojax.capture.format import Truth, read_capture, write_capture_json
 from aerojax.capture.images import read_mask, read_rgb
 from aerojax.errors import UserError
 
@@ -292,6 +292,20 @@ def test_skew_is_refused(tmp_path, name):
     write_capture_json(dataclasses.replace(capture, cameras=cameras), overwrite=True)
     with pytest.raises(UserError, match="cam_01 has skew"):
         export_dataset(find_sequences(tmp_path / "seq"), name, tmp_path / "out", ExportOptions())
+
+
+def test_the_largest_id_does_not_fit_replicator(tmp_path):
+    capture = write_balls(tmp_path / "seq")
+    for path in (tmp_path / "seq").glob("*/mask/*.png"):
+        mask = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        cv2.imwrite(str(path), np.where(mask == 2, np.uint16(65535), mask))
+    objects = (capture.truth.objects[0], dataclasses.replace(capture.truth.objects[1], object_id=65535))
+    write_capture_json(dataclasses.replace(capture, truth=Truth(objects)), overwrite=True)
+    sequences = find_sequences(tmp_path / "seq")
+    with pytest.raises(UserError, match="object id 65535 does not fit"):
+        export_dataset(sequences, "replicator", tmp_path / "out", ExportOptions())
+    coco = export_dataset(sequences, "coco", tmp_path / "out", ExportOptions()) / "annotations/instances_all.json"
+    assert {a["instance_id"] for a in json.loads(coco.read_text())["annotations"]} == {1, 65535}
 
 
 def test_colliding_names_are_refused(tmp_path):

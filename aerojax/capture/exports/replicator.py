@@ -95,8 +95,9 @@ def _write_segmentation(capture: Capture, camera_index: int, frame: int, files: 
     mask = read_mask(capture, camera_index, frame)
     if mask is None or capture.truth is None:
         return
-    if mask.max() + FIRST_ID - 1 > _LARGEST_PIXEL:
-        raise UserError(f"{capture.folder}: object id {mask.max()} does not fit beside Replicator's two; renumber it")
+    largest = int(mask.max())
+    if largest + FIRST_ID - 1 > _LARGEST_PIXEL:
+        raise UserError(f"{capture.folder}: object id {largest} does not fit beside Replicator's own two; renumber it")
     kind = "instance_segmentation"
     shifted = np.where(mask > 0, mask + np.uint16(FIRST_ID - 1), np.uint16(0))
     write_sparse_png(files.path(kind, kind, frame, ".png"), shifted)
