@@ -17,6 +17,9 @@ from kernels.raytrace import Lighting, Pinhole, SceneCaster
 _SKY_STEP = 8
 """Pixels between the points where the clear sky, which is smooth, is evaluated."""
 
+_CLOUD_SCALE = 0.12
+"""Repetitions of the cloud noise in one cloud height: the largest clouds are a few cloud heights wide."""
+
 
 @dataclass(frozen=True)
 class OutdoorConfig:
@@ -138,12 +141,12 @@ class Outdoors:
 
     def _clouds(self, view: Pinhole) -> Float[np.ndarray, "height width"]:
         """Opacity of the clouds: noise on a level sheet, thinned to the cover and dissolving at the horizon."""
-        directions = _directions(view, 4)
+        directions = _directions(view, 2)
         up = np.maximum(directions[..., 2], 0.02)
-        x, y = (512.0 * 0.35 * directions[..., i] / up for i in (0, 1))
+        x, y = (512.0 * _CLOUD_SCALE * directions[..., i] / up for i in (0, 1))
         noise = cv2.remap(self._noise, x % 512.0, y % 512.0, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        opacity = np.clip((noise - (1.0 - self._sky.cloud_cover)) / 0.18, 0.0, 1.0)
-        opacity *= np.clip((directions[..., 2] - 0.015) / 0.12, 0.0, 1.0)
+        opacity = np.clip((noise - (1.0 - self._sky.cloud_cover)) / 0.35, 0.0, 1.0)
+        opacity *= 0.9 * np.clip((directions[..., 2] - 0.02) / 0.2, 0.0, 1.0)
         return cv2.resize(opacity.astype(np.float32), (view.width, view.height), interpolation=cv2.INTER_CUBIC)
 
     def _sky_image(self, view: Pinhole, clouds: np.ndarray, moment: float) -> Float[np.ndarray, "height width 3"]:

@@ -72,8 +72,12 @@ def sun_direction(config: SkyConfig, time: float) -> Float[np.ndarray, "3"]:
 def sky_luminance(
     directions: Float[np.ndarray, "*shape 3"], to_sun: Float[np.ndarray, "3"], turbidity: float
 ) -> Float[np.ndarray, "*shape 3"]:
-    """Linear sRGB luminance of the clear sky (kcd/m²) in unit directions; below the horizon that of the horizon."""
-    cosine = np.clip(directions[..., 2], 0.02, 1.0)
+    """Linear sRGB luminance of the clear sky (kcd/m²) in unit directions; below the horizon that of the horizon.
+
+    The fitted chromaticities turn magenta within a few degrees of the horizon: there those of 8 degrees are kept.
+    """
+    height = np.clip(directions[..., 2], 0.02, 1.0)
+    cosines = {"Y": height, "x": np.maximum(height, 0.14), "y": np.maximum(height, 0.14)}
     zenith = float(np.arccos(np.clip(to_sun[2], 0.0, 1.0)))
     gamma = np.arccos(np.clip(directions @ to_sun, -1.0, 1.0))
     powers = np.array([zenith**3, zenith**2, zenith, 1.0])
@@ -82,7 +86,7 @@ def sky_luminance(
     zenith_y = (4.0453 * turbidity - 4.9710) * np.tan(chi) - 0.2155 * turbidity + 2.4192
     at_zenith = {"Y": zenith_y, "x": mixing @ np.array(_ZENITH_X) @ powers, "y": mixing @ np.array(_ZENITH_Y) @ powers}
     value = {
-        k: v * _perez(k, cosine, gamma, turbidity) / _perez(k, 1.0, zenith, turbidity) for k, v in at_zenith.items()
+        k: v * _perez(k, cosines[k], gamma, turbidity) / _perez(k, 1.0, zenith, turbidity) for k, v in at_zenith.items()
     }
     scale = value["Y"] / value["y"]
     xyz = np.stack([value["x"] * scale, value["Y"], (1.0 - value["x"] - value["y"]) * scale], axis=-1)
