@@ -11,16 +11,13 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.simulate.rendering import NO_WINDOW, ImageConfig, ObjectView, Rendering, Window
 from aerojax.simulate.usd_scene import AnimatedMesh
 from kernels.footprint import CROSSED
 from kernels.raytrace import Colour, Hits, Lighting, Pinhole, SceneCaster, Surface
-from kernels.single_mesh import MeshCaster
-
-MASK_THRESHOLD = 0.25
 
 
 @runtime_checkable
@@ -343,61 +340,3 @@ def _object_view(
         mean = (hits.points[:, index] / hits.rays[:, None]).sum(axis=0, dtype=np.float64) / total + origin
         centroid = (float(mean[0]), float(mean[1]), float(mean[2]))
     return ObjectView(object_id, tight, exact, total / alone if alone > 0 else 0.0, outside, centroid)
-
-
-@dataclass(frozen=True)
-class ObjectRendering:
-    """One image of one object: sRGB 0..1, its pixels, and depth at pixel centres (metres, 0 where none)."""
-
-    rgb: Float[np.ndarray, "height width 3"]
-    mask: Bool[np.ndarray, "height width"]
-    depth: Float[np.ndarray, "height width"]
-
-
-def render_object(
-    caster: MeshCaster,
-    vertices_world: Float[np.ndarray, "vertex 3"],
-    origin: Float[np.ndarray, "3"],
-    camera: CaptureCamera,
-    *,
-    lighting: Lighting,
-    samples: int,
-    dome: tuple[float, float, float],
-) -> ObjectRendering:
-    """Render the posed mesh of `caster` as a camera sees it.
-
-    Args:
-        caster: posed at `vertices_world` - `origin`, so that float32 rays stay precise far from the world's zero.
-        vertices_world: metres; they bound where rays are cast.
-        origin: near the object, metres, world.
-        camera: pinhole.
-        lighting: linear light; directions in the world frame.
-        samples: rays along each side of a pixel.
-        dome: sRGB background.
-    """
-    rgb = np.empty((camera.height, camera.width, 3), np.float32)
-    rgb[:] = dome
-    mask = np.zeros((camera.height, camera.width), bool)
-    depth = np.zeros((camera.height, camera.width), np.float32)
-    window = _object_window(vertices_world, camera)
-    if window is not None:
-        local = camera.world_from_cam.copy()
-        local[:3, 3] -= origin
-        cast = caster.cast(camera.K, local, window, lighting=lighting, samples=samples)
-        x0, y0, x1, y1 = window
-        alpha = cast.coverage[..., None]
-        behind = linear_from_srgb(np.asarray(dome, np.float32))
-        rgb[y0:y1, x0:x1] = srgb_from_linear(alpha * cast.colour + (1 - alpha) * behind)
-        mask[y0:y1, x0:x1] = cast.coverage >= MASK_THRESHOLD
-        depth[y0:y1, x0:x1] = cast.depth
-    return ObjectRendering(rgb, mask, depth)
-
-
-def _object_window(vertices_world: np.ndarray, camera: CaptureCamera) -> tuple[int, int, int, int] | None:
-    """Whole pixels that the object can touch, inside the image; None if there are none."""
-    box = projected_box(vertices_world, camera)
-    if box is None:
-        return None
-    x0, y0 = np.maximum(np.floor(box[:2]).astype(int), 0)
-    x1, y1 = np.minimum(np.ceil(box[2:]).astype(int), (camera.width, camera.height))
-    return (int(x0), int(y0), int(x1), int(y1)) if x1 > x0 and y1 > y0 else None

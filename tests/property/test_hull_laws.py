@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from aerojax.capture.format import CaptureCamera
 from aerojax.gaussians.rotate import covariance
 from aerojax.geometry.cameras import look_at, project_points
 from aerojax.geometry.rotations import rotation_from_quaternion
 from aerojax.reconstruct.hull import HullConfig, visual_hull
 from aerojax.simulate.assets.catalogue import build_identity, identities
-from aerojax.simulate.render import MASK_THRESHOLD
+from aerojax.simulate.render import Dome, SceneRenderer
+from aerojax.simulate.rendering import ImageConfig
 from aerojax.simulate.usd_scene import load_animated_mesh
 from aerojax.types import SH_C0, Camera, View
-from kernels.raytrace import Lighting
-from kernels.single_mesh import MeshCaster
 
 SIZE = 96
 CONFIG = HullConfig(grid=40, capacity=4096)
@@ -163,13 +163,13 @@ def mesh_views(identity, folder, cameras):
     """Crops of a simulated object at rest at the origin, and its vertices."""
     mesh = load_animated_mesh(build_identity(identity, folder))
     vertices = mesh.vertices_at(0.3)
-    caster, masks = MeshCaster(mesh.faces, mesh.albedo, vertices), []
+    renderer, masks = SceneRenderer((mesh,), Dome(), ImageConfig()), []
+    renderer.pose([0.3], np.eye(4)[None])
     for index in range(cameras.K.shape[0]):
         camera = one(cameras, index)
-        window = (0, 0, SIZE, SIZE)
-        pose = np.asarray(camera.world_from_cam, np.float64)
-        cast = caster.cast(np.asarray(camera.K, np.float64), pose, window, lighting=Lighting(), samples=3)
-        masks.append((cast.coverage >= MASK_THRESHOLD).astype(np.float32))
+        K, pose = (np.asarray(array, np.float64) for array in (camera.K, camera.world_from_cam))
+        seen = CaptureCamera(f"cam_{index}", SIZE, SIZE, K, "none", (), pose, "{frame}.png", None, None, 0.0)
+        masks.append((renderer.image(seen).full("mask") > 0).astype(np.float32))
     masks = jnp.asarray(np.stack(masks))
     return View(jnp.ones((*masks.shape, 3)), masks, cameras), vertices[np.unique(mesh.faces)]
 

@@ -11,14 +11,14 @@ import trimesh
 
 from aerojax.capture.format import Capture, read_capture
 from aerojax.capture.images import read_depth, read_mask
-from aerojax.geometry.boxes import box_iou, tight_box
+from aerojax.geometry.boxes import box_iou
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
 from aerojax.simulate.dataset import SequenceConfig, SequencePlan, draw_sequence, sequence_seed, simulate_sequence
-from aerojax.simulate.render import projected_box, render_object
+from aerojax.simulate.render import Dome, SceneRenderer
+from aerojax.simulate.rendering import ImageConfig
 from aerojax.simulate.rigs import RigConfig
 from aerojax.simulate.scene import body_poses
 from aerojax.simulate.usd_scene import load_animated_mesh
-from kernels.single_mesh import MeshCaster
 
 # Depth belongs to pixel centres, masks to pixels covered by a quarter: the fewer pixels a thin part spans, the more of
 # its mask has no depth (85 to 93 % of the mask has one at 100 px a metre).
@@ -120,19 +120,15 @@ def overlaps(identity: Identity, seed: int, config: SequenceConfig, assets: Path
     """IoU of mask boxes with the boxes of the projected vertices, one a frame and camera; masks only."""
     plan: SequencePlan = draw_sequence(identity.label, config, seed=seed)
     mesh = load_animated_mesh(build_identity(identity, assets))
-    caster, found = MeshCaster(mesh.faces, mesh.albedo, mesh.vertices_at(plan.phase)), []
+    renderer, found = SceneRenderer((mesh,), Dome(plan.lighting), ImageConfig()), []
     for frame, rotation in enumerate(plan.flight.world_from_body):
-        turned = mesh.vertices_at(plan.phase + frame / config.fps).astype(np.float64) @ rotation.T
-        caster.pose(turned)
-        origin = plan.origin + plan.flight.position[frame]
-        used = np.unique(mesh.faces)
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, plan.origin + plan.flight.position[frame]
+        renderer.pose([plan.phase + frame / config.fps], pose[None])
         for camera in plan.cameras:
-            image = render_object(
-                caster, turned + origin, origin, camera, lighting=plan.lighting, samples=3, dome=(1.0, 1.0, 1.0)
-            )
-            box, exact = tight_box(image.mask), projected_box(turned[used] + origin, camera)
-            assert box is not None and exact is not None
-            found.append(box_iou(box, (float(exact[0]), float(exact[1]), float(exact[2]), float(exact[3]))))
+            view = renderer.image(camera).objects[0]
+            assert view.box is not None and view.projected_box is not None
+            found.append(box_iou(view.box, view.projected_box))
     return found
 
 
