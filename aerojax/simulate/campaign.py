@@ -16,6 +16,7 @@ from aerojax.simulate.rigs import RigConfig
 from aerojax.simulate.scenery import SceneryConfig
 from aerojax.simulate.sensor import SensorConfig
 from aerojax.simulate.stations import StationConfig, Volume, conditions
+from aerojax.types import CLASSES
 
 SPLITS = ("train", "val", "test")
 
@@ -188,6 +189,7 @@ def check(config: CampaignConfig) -> None:
         (config.fps <= 0, f"fps is {config.fps:g}; it must be positive"),
         (config.images.samples < 1, f"images.samples is {config.images.samples}; use 1 or more"),
         (rig.station is None and not rig.rigs, f"rig {rig.name} has neither a station nor rigs; give one of them"),
+        (set(config.classes) - set(CLASSES), f"classes has {list(config.classes)}; use {', '.join(CLASSES)}"),
         (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),
         (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),
         (crowd.per_family < 1, f"crowd.per_family is {crowd.per_family}; use 1 or more"),

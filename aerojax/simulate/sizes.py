@@ -34,7 +34,7 @@ def estimated_bytes(config: CampaignConfig, tasks: tuple[SequenceTask, ...]) -> 
 
 def _cameras(config: CampaignConfig) -> float:
     station = config.rig.station
-    return station.cameras if station is not None else float(np.mean([rig.cameras for rig in config.rig.rigs]))
+    return float(station.cameras) if station is not None else float(np.mean([rig.cameras for rig in config.rig.rigs]))
 
 
 def _image_set(config: CampaignConfig, condition: int, kinds: list[str]) -> float:
