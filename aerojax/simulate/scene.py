@@ -24,7 +24,8 @@ _USD_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])  # USD cameras look along -z 
 class StagedObject:
     """An object of a scene: its own stage, and where its body is at time code 0, 1 … (metres, world).
 
-    offset_seconds: where in its own animation the object is at time code 0.
+    offset_seconds: where in its own animation the object is at time code 0. Whole cycles are left out: USD holds the
+        last pose of an animation that has ended, where `AnimatedMesh` repeats it.
     """
 
     asset: Path
@@ -100,12 +101,19 @@ def object_path(index: int) -> Sdf.Path:
 def _author_object(stage: Usd.Stage, path: Sdf.Path, item: StagedObject, folder: Path, fps: float) -> None:
     body = UsdGeom.Xform.Define(stage, path)
     # USD itself brings the asset's time codes to the stage's rate; the offset is in the stage's.
-    shift = Sdf.LayerOffset(-item.offset_seconds * fps)
+    shift = Sdf.LayerOffset(-_within_cycle(item) * fps)
     body.GetPrim().GetReferences().AddReference(_relative(item.asset, folder), shift)
     body.ClearXformOpOrder()
     pose = body.AddTransformOp(UsdGeom.XformOp.PrecisionDouble, "flight")
     for frame, matrix in enumerate(item.world_from_body):
         pose.Set(Gf.Matrix4d(*matrix.T.ravel().tolist()), frame)  # USD matrices act on row vectors
+
+
+def _within_cycle(item: StagedObject) -> float:
+    """Seconds into the asset's animation at time code 0, less than a cycle."""
+    layer = Sdf.Layer.FindOrOpen(str(item.asset))
+    cycle = (layer.endTimeCode - layer.startTimeCode) / layer.timeCodesPerSecond
+    return item.offset_seconds % cycle if cycle > 0 else 0.0
 
 
 def _relative(asset: Path, folder: Path) -> str:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 from pxr import Gf, Usd, UsdGeom, UsdValidation
-from usd_examples import write_solid
+from usd_examples import define_quad, open_stage, write_solid
 
 from aerojax.simulate.rigs import RigConfig, draw_rig
 from aerojax.simulate.scene import StagedObject, author_stage, body_poses, write_scenery
 from aerojax.simulate.scenery import SceneryConfig, build_scenery
+from aerojax.simulate.usd_scene import load_animated_mesh
 
 
 @pytest.fixture(scope="module")
@@ -81,3 +82,24 @@ def test_usd_finds_nothing_to_complain_about(staged):
     errors = context.Validate(Usd.Stage.Open(str(staged[0])))
     assert names
     assert [(e.GetName(), e.GetMessage()) for e in errors] == []
+
+
+def test_animation_starts_at_its_phase(tmp_path):
+    asset = tmp_path / "turning.usda"
+    stage = open_stage(asset)
+    stage.SetTimeCodesPerSecond(120)
+    stage.SetEndTimeCode(240)
+    root = UsdGeom.Xform.Define(stage, "/turning")
+    stage.SetDefaultPrim(root.GetPrim())
+    turn = define_quad(stage, "/turning/rotor").AddRotateZOp()
+    turn.Set(0.0, 0)
+    turn.Set(360.0, 240)
+    stage.Save()
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    author_stage(tmp_path / "scene.usda", [StagedObject(asset, poses, 6.5)], (), fps=30.0)
+    scene = Usd.Stage.Open(str(tmp_path / "scene.usda"))
+    rotor = UsdGeom.Xformable(scene.GetPrimAtPath("/World/Object/rotor"))
+    mesh = load_animated_mesh(asset)
+    for frame in range(3):
+        staged = np.array(rotor.ComputeLocalToWorldTransform(frame)).T
+        np.testing.assert_allclose(staged, mesh.joints_at(6.5 + frame / 30.0)["rotor"], atol=1e-9)
