@@ -1,11 +1,8 @@
-"""Clips of Gaussians from simulated sequences: the work list, the worker processes and what each of them does."""
+"""Clips of Gaussians from the sequences of data sets: the work list and what each worker process does."""
 
 from __future__ import annotations
 
-import hashlib
 import json
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,93 +14,101 @@ from aerojax.capture.format import read_capture
 from aerojax.config import to_mapping
 from aerojax.errors import UserError
 from aerojax.pipeline import PipelineConfig, reconstruct_capture
-from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.dataset import SequenceConfig, sequence_seed, simulate_sequence
+from aerojax.simulate.dataset import sequence_seed
 from aerojax.training.data import save_clip
 from experiments.launch import write_json
 from experiments.progress import progress_bar
 from experiments.worker_pool import run_jobs
 
-
-@dataclass(frozen=True)
-class SplitSize:
-    """Identities a class, and sequences an identity."""
-
-    identities: int
-    sequences: int
+MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
 class ClipsConfig:
-    """What decides a set of clips, and hence the name of its folder."""
+    """What decides the clips of a data set.
+
+    seed: of the decimation. tokens: kept of each frame's Gaussians.
+    """
 
     seed: int
-    splits: dict[str, SplitSize]
     tokens: int
-    sequence: SequenceConfig
     pipeline: PipelineConfig
 
 
 @dataclass(frozen=True)
 class _Job:
-    identity: Identity
-    name: str
+    capture: Path
+    label: str
+    identity: str
     config: ClipsConfig
-    assets: Path
     path: Path
 
 
-def ensure_clips(config: ClipsConfig, *, folder: Path, assets: Path, workers: int) -> Path:
-    """Make what is missing of a set of clips and return its folder (`train/`, `val/`, `test/` inside).
+def make_clips(config: ClipsConfig, datasets: tuple[Path, ...], folder: Path, *, workers: int) -> dict[str, int]:
+    """Reconstruct every sequence that has no clip yet: `<folder>/<rig>/<split>/<sequence>.npz`.
 
-    A clip exists whole or not at all, and depends on its name and the seed alone, so a killed run goes on where it
+    A clip exists whole or not at all, and depends on its sequence and the seed alone, so a killed run goes on where it
     stopped and the number of workers changes nothing.
+
+    Returns:
+        How many clips there are by `rig/split`.
+
+    Raises:
+        UserError: a data set is not complete, or the folder holds clips of another configuration.
     """
-    plain = to_mapping(ClipsConfig(config.seed, config.splits, config.tokens, config.sequence, config.pipeline))
-    digest = hashlib.blake2b(json.dumps(plain, sort_keys=True, default=str).encode(), digest_size=6).hexdigest()
-    target = folder / digest
-    target.mkdir(parents=True, exist_ok=True)
-    write_json(target / "manifest.json", json.loads(json.dumps(plain, default=str)))
-    jobs = [job for job in _jobs(config, target, assets) if not job.path.exists()]
-    if not jobs:
-        return target
-    for identity in {job.identity for job in jobs}:
-        build_identity(identity, assets)
-    with progress_bar() as bar:
-        task = bar.add_task(f"clips in {target}", total=len(jobs))
-        failures = 0
-        for reason in run_jobs(_make_clip, jobs, workers=workers):
+    jobs = [job for dataset in datasets for job in _jobs(config, dataset, folder)]
+    _claim(folder, config)
+    missing = [job for job in jobs if not job.path.exists()]
+    failures = 0
+    with progress_bar("clips/s") as bar:
+        task = bar.add_task(f"clips in {folder}", total=len(missing))
+        for reason in run_jobs(_make_clip, missing, workers=workers):
             failures += reason is not None
             bar.advance(task)
     if failures:
-        Console(stderr=True).print(f"{failures} of {len(jobs)} sequences left no clip: the object was never seen whole")
-    return target
+        Console(stderr=True).print(
+            f"{failures} of {len(missing)} sequences left no clip: never seen whole by enough cameras"
+        )
+    places = sorted({str(job.path.parent.relative_to(folder)) for job in jobs})
+    return {place: len(list((folder / place).glob("*.npz"))) for place in places}
 
 
-def _jobs(config: ClipsConfig, target: Path, assets: Path) -> list[_Job]:
-    jobs = []
-    for split, size in config.splits.items():
-        for identity in identities(split, size.identities):
-            for index in range(size.sequences):
-                name = f"{identity.label}_{identity.name}_{index:03d}"
-                jobs.append(_Job(identity, name, config, assets, target / split / f"{name}.npz"))
-    return jobs
+def _jobs(config: ClipsConfig, dataset: Path, folder: Path) -> list[_Job]:
+    path = dataset / "dataset.json"
+    if not path.is_file():
+        raise UserError(f"{path} does not exist; generate the data set first, or let its generation end")
+    return [
+        _Job(
+            dataset / entry["folder"],
+            entry["class"],
+            entry["identity"],
+            config,
+            folder / entry["rig"] / entry["split"] / f"{entry['name']}.npz",
+        )
+        for entry in json.loads(path.read_text())["sequences"]
+    ]
+
+
+def _claim(folder: Path, config: ClipsConfig) -> None:
+    """Note the configuration in the folder, or find it to be the one that is there."""
+    plain = json.loads(json.dumps(to_mapping(config), default=str))
+    path = folder / MANIFEST
+    if path.is_file() and json.loads(path.read_text()) != plain:
+        raise UserError(f"{path}: the folder holds clips of another configuration; choose another folder")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(path, plain)
 
 
 def _make_clip(job: _Job) -> str | None:
-    """Simulate, reconstruct and save one clip; the reason instead where no frame was usable."""
-    seed = sequence_seed(job.config.seed, job.name)
-    scratch = Path(tempfile.mkdtemp(prefix="aerojax_"))
+    """Reconstruct the first object of a sequence and save its clip; the reason instead where no frame was usable."""
+    seed = sequence_seed(job.config.seed, job.path.stem)
     try:
-        folder = scratch / job.name
-        simulate_sequence(job.identity, job.config.sequence, seed=seed, folder=folder, assets=job.assets)
-        clip = reconstruct_capture(read_capture(folder), job.config.pipeline, key=jax.random.key(seed % 2**31))
+        capture = read_capture(job.capture)
+        clip = reconstruct_capture(capture, job.config.pipeline, key=jax.random.key(seed % 2**31), object_id=1)
     except UserError as error:
         if "frames could be used" not in str(error):
             raise
         return str(error)
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
     columns = np.asarray(clip.gaussians.columns())[:, : job.config.tokens]
-    save_clip(job.path, columns, job.identity.label, job.identity.name)
+    save_clip(job.path, columns, job.label, job.identity)
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass
 from functools import partial
@@ -15,13 +16,12 @@ from rich.console import Console
 
 from aerojax.classify.config import MambaSplatConfig
 from aerojax.classify.mambasplat import MambaSplat
-from aerojax.config import to_mapping
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline import probabilities_so_far
-from aerojax.training.data import ClipSet, VariationConfig, epoch_order, load_clips, vary_clip
+from aerojax.training.data import ClipSet, VariationConfig, epoch_order, join_clips, load_clips, vary_clip
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
 from aerojax.types import CLASSES
-from experiments.clip_factory import ClipsConfig, ensure_clips
+from experiments.clip_factory import MANIFEST
 from experiments.launch import Run, experiment, provenance, write_json
 from experiments.model_card import keep_model
 from experiments.progress import progress_bar
@@ -29,14 +29,18 @@ from experiments.progress import progress_bar
 
 @dataclass(frozen=True)
 class Config:
-    """Data, model and optimisation of one training run."""
+    """Data, model and optimisation of one training run.
+
+    clips: folders of `reconstruct_dataset`, one a rig, each with train/, val/ and test/.
+    also_test: further folders of which only test/ is used.
+    frames: clips are cut or padded to so many.
+    """
 
     preset: str
     seed: int
-    clips: ClipsConfig
-    folder: Path
-    assets: Path
-    workers: int
+    clips: tuple[Path, ...]
+    also_test: tuple[Path, ...]
+    frames: int
     model: MambaSplatConfig
     variation: VariationConfig
     training: TrainingConfig
@@ -82,14 +86,27 @@ def _task(config: Config, train: ClipSet, val: ClipSet, report: Any) -> Fit:
     return Fit(loss, batches, len(train.label) // config.training.batch, validate, report)
 
 
+def _load(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
+    return join_clips([load_clips(folder / split, frames=frames) for folder in folders])
+
+
+def _test(config: Config, model: MambaSplat) -> dict[str, dict[str, Any]]:
+    """Figures of every folder's test split by the folder's name, and of all that training had a part of as `all`."""
+    sets = {folder.name: _load((folder,), "test", config.frames) for folder in (*config.clips, *config.also_test)}
+    sets["all"] = _load(config.clips, "test", config.frames)
+    tokens = config.variation.tokens
+    figures = {
+        name: label_figures(predict(model, clips, tokens, readings=4), clips.label) for name, clips in sets.items()
+    }
+    return {name: {**figures[name], "identities": len(set(clips.identity))} for name, clips in sets.items()}
+
+
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
-    """Make or find the clips, train, test, and write weights with their card."""
+    """Train, test, and write weights with their card."""
     console, start = Console(), time.perf_counter()
-    folder = ensure_clips(config.clips, folder=config.folder, assets=config.assets, workers=config.workers)
-    frames = config.clips.sequence.frames
-    train, val, test = (load_clips(folder / split, frames=frames) for split in ("train", "val", "test"))
-    console.print(f"clips: {len(train.label)} train, {len(val.label)} val, {len(test.label)} test")
+    train, val = (_load(config.clips, split, config.frames) for split in ("train", "val"))
+    console.print(f"clips: {len(train.label)} train, {len(val.label)} val")
     model = MambaSplat(config.model, key=jax.random.key(config.seed))
     with progress_bar() as bar:
         epochs = bar.add_task("epochs", total=config.training.epochs)
@@ -98,17 +115,24 @@ def main(config: Config, run: Run) -> None:
             bar.update(epochs, completed=row["epoch"])
             console.print("  ".join(f"{name} {value:.4g}" for name, value in row.items()))
 
-        model = fit(
-            model, _task(config, train, val, report), config.training, seed=config.seed, directory=run.directory
-        )
-    figures = label_figures(predict(model, test, config.variation.tokens, readings=4), test.label)
-    unseen, minutes = len(set(test.identity)), (time.perf_counter() - start) / 60
-    console.print(f"test on {unseen} unseen identities: accuracy {figures['accuracy']:.3f}; {minutes:.1f} minutes")
-    origin = {**provenance(run.overrides), "seed": config.seed, "minutes": minutes, "test_identities": unseen}
-    results = {"test": figures, "classes": CLASSES, "clips": str(folder), **origin}
+        task = _task(config, train, val, report)
+        model = fit(model, task, config.training, seed=config.seed, directory=run.directory)
+    tests, minutes = _test(config, model), (time.perf_counter() - start) / 60
+    for name, figures in tests.items():
+        console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
+    origin = {**provenance(run.overrides), "seed": config.seed, "minutes": minutes}
+    origin["test_identities"] = tests["all"]["identities"]
+    results = {
+        "test": tests["all"],
+        "tests": tests,
+        "classes": CLASSES,
+        "clips": list(map(str, config.clips)),
+        **origin,
+    }
     write_json(run.directory / "metrics.json", results)
     reading = {"tokens": config.variation.tokens, "frames": config.variation.frames}
-    notes = {"reading": reading, "pipeline": to_mapping(config.clips.pipeline), "test": figures, **origin}
+    pipeline = json.loads((config.clips[0].parent / MANIFEST).read_text())["pipeline"]
+    notes = {"reading": reading, "pipeline": pipeline, "test": tests["all"], **origin}
     command = " ".join(["python -m experiments.train_classifier", *run.overrides])
     console.print(str(keep_model(run.directory, model, notes, results, command=command)), soft_wrap=True)
 

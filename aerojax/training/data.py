@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def load_clips(folder: Path, *, frames: int) -> ClipSet:
     """
     paths = sorted(folder.glob("*.npz"))
     if not paths:
-        raise UserError(f"{folder} holds no clips (*.npz); make them with python -m experiments.generate_clips")
+        raise UserError(f"{folder} holds no clips (*.npz); make them with python -m experiments.reconstruct_dataset")
     columns, present, labels, identities = [], [], [], []
     for path in paths:
         clip, label, identity = _load_clip(path)
@@ -75,6 +75,23 @@ def load_clips(folder: Path, *, frames: int) -> ClipSet:
         labels.append(CLASSES.index(label))
         identities.append(identity)
     return ClipSet(np.stack(columns), np.stack(present), np.array(labels), tuple(identities))
+
+
+def join_clips(sets: Sequence[ClipSet]) -> ClipSet:
+    """Several sets of equal length as one, in order.
+
+    Raises:
+        UserError: they have different numbers of tokens a frame.
+    """
+    tokens = {clips.columns.shape[2] for clips in sets}
+    if len(tokens) > 1:
+        raise UserError(f"sets of clips have {sorted(tokens)} tokens a frame; make them again with one number")
+    return ClipSet(
+        np.concatenate([clips.columns for clips in sets]),
+        np.concatenate([clips.present for clips in sets]),
+        np.concatenate([clips.label for clips in sets]),
+        tuple(name for clips in sets for name in clips.identity),
+    )
 
 
 def _load_clip(path: Path) -> tuple[Float32[np.ndarray, "time token 14"], str, str]:

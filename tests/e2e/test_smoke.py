@@ -14,9 +14,7 @@ from command_line import run_command
 from aerojax.classify.weights import load_metadata, load_weights
 from aerojax.training.data import load_clips
 from aerojax.types import CLASSES
-from experiments import classify, generate_clips, train_classifier
-
-FEWER = ("splits.train.identities=1", "splits.val.identities=1", "splits.test.identities=1")
+from experiments import classify, generate_dataset, reconstruct_dataset, train_classifier
 
 
 @pytest.fixture(scope="module")
@@ -32,24 +30,31 @@ def monkeymodule():
 
 @pytest.fixture(scope="module")
 def clips(place, monkeymodule) -> Path:
-    """The folder of clips that `generate_clips` made."""
-    where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/generate")
-    run_command(generate_clips, monkeymodule, "preset=smoke", *FEWER, *where)
-    return Path(json.loads((place / "generate/metrics.json").read_text())["folder"])
+    """The folder of one rig's clips, reconstructed from a data set that was generated for it."""
+    splits = "sequences={train: 1, val: 1, test: 1}"
+    where = (f"folder={place}/data", f"hydra.run.dir={place}/generate")
+    run_command(generate_dataset, monkeymodule, "preset=smoke", "rig=random", splits, "frames=4", *where)
+    _reconstruct(place, monkeymodule)
+    return place / "clips" / "random"
+
+
+def _reconstruct(place: Path, patch: pytest.MonkeyPatch) -> None:
+    where = (f"datasets=[{place}/data]", f"folder={place}/clips", f"hydra.run.dir={place}/reconstruct")
+    run_command(reconstruct_dataset, patch, "preset=smoke", "workers=1", *where)
 
 
 @pytest.fixture(scope="module")
 def trained(place, clips, monkeymodule) -> Path:
     """The run directory of `train_classifier` on those clips."""
-    where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/train")
-    run_command(train_classifier, monkeymodule, "preset=smoke", *(f"clips.{f}" for f in FEWER), *where)
+    where = (f"clips=[{clips}]", "also_test=[]", f"hydra.run.dir={place}/train")
+    run_command(train_classifier, monkeymodule, "preset=smoke", *where)
     return place / "train"
 
 
 @pytest.mark.slow
-def test_clips_are_made_whole(clips):
-    manifest = json.loads((clips / "manifest.json").read_text())
-    assert manifest["splits"]["train"] == {"identities": 1, "sequences": 1}
+def test_clips_are_made_whole(clips, place):
+    counted = json.loads((place / "reconstruct/metrics.json").read_text())["clips"]
+    assert counted == {f"random/{split}": 4 for split in ("train", "val", "test")}
     for split in ("train", "val", "test"):
         made = load_clips(clips / split, frames=4)
         assert sorted(made.label.tolist()) == [0, 1, 2, 3]
@@ -69,8 +74,7 @@ def test_a_clip_that_is_lost_is_made_again_with_the_same_bytes(clips, place, mon
     before, others = np.load(lost), {p: p.stat().st_mtime_ns for p in clips.glob("*/*.npz") if p != lost}
     columns = before["columns"]
     lost.unlink()
-    where = (f"folder={place}/clips", f"assets={place}/assets", f"hydra.run.dir={place}/again")
-    run_command(generate_clips, monkeypatch, "preset=smoke", *FEWER, *where)
+    _reconstruct(place, monkeypatch)
     np.testing.assert_array_equal(np.load(lost)["columns"], columns)
     assert {p: p.stat().st_mtime_ns for p in others} == others
 
@@ -78,7 +82,7 @@ def test_a_clip_that_is_lost_is_made_again_with_the_same_bytes(clips, place, mon
 @pytest.mark.slow
 def test_training_writes_weights_that_read_back(trained, clips):
     results = json.loads((trained / "metrics.json").read_text())
-    assert results["clips"] == str(clips) and results["test"]["clips"] == 4
+    assert results["clips"] == [str(clips)] and results["test"]["clips"] == 4
     assert len((trained / "history.jsonl").read_text().splitlines()) == 1
     weights = trained / "weights.safetensors"
     model, notes = load_weights(weights), load_metadata(weights)

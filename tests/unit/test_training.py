@@ -260,7 +260,7 @@ def test_clips_are_read_in_order_padded_and_cut(tmp_path):
 
 
 def test_clips_that_cannot_be_used_are_named(tmp_path):
-    with pytest.raises(UserError, match=r"holds no clips .* experiments\.generate_clips"):
+    with pytest.raises(UserError, match=r"holds no clips .* experiments\.reconstruct_dataset"):
         load_clips(tmp_path, frames=4)
     save_clip(tmp_path / "odd.npz", np.ones((3, 4, 14)), "kite", "kite_0")
     with pytest.raises(UserError, match=r"odd\.npz is not a clip"):

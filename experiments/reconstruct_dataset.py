@@ -1,0 +1,34 @@
+"""Reconstruct the sequences of data sets and keep their decimated Gaussians as clips, the classifier's examples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from experiments.clip_factory import ClipsConfig, make_clips
+from experiments.launch import Run, experiment, write_json
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config(ClipsConfig):
+    """Which data sets, and where their clips go."""
+
+    preset: str
+    datasets: tuple[Path, ...]
+    folder: Path
+    workers: int
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Make the clips that are missing and say where they are."""
+    plain = ClipsConfig(config.seed, config.tokens, config.pipeline)
+    counts = make_clips(plain, config.datasets, config.folder, workers=config.workers)
+    write_json(run.directory / "metrics.json", {"folder": str(config.folder), "clips": counts})
+    Console().print(f"{config.folder}: {counts}")
+
+
+if __name__ == "__main__":
+    main()
