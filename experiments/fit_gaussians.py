@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,21 +15,15 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.capture.format import read_capture
-from aerojax.errors import UserError
 from aerojax.gaussians.ply import write_ply
 from aerojax.gaussians.rotate import transform
 from aerojax.gaussians.usd import write_usd
-from aerojax.pipeline import FrameImages, PipelineConfig, frame_images
-from aerojax.reconstruct.fit import GaussianFitConfig, draw_views, fit_gaussians
+from aerojax.pipeline import PipelineConfig, frame_images
+from aerojax.reconstruct.fit import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.hull import hull_gaussians
-from aerojax.reconstruct.photometric import (
-    backdrop_colour,
-    certain_pixels,
-    foreground_psnr,
-    over_backdrop,
-    structural_similarity,
-)
-from aerojax.types import Gaussians, View
+from aerojax.reconstruct.matte import matted_views
+from aerojax.reconstruct.solid import SolidConfig, solid_gaussians
+from experiments.held_out import measure, split_views
 from experiments.launch import Run, experiment, write_json
 from experiments.progress import progress_bar
 from experiments.sample import SampleConfig, sample_capture
@@ -39,52 +34,36 @@ class Config:
     """One fit.
 
     capture: folder; a held-out identity is simulated where none is given.
+    captures: folders, fitted one after the other instead of `capture`.
     frame: index in the capture.
     object: instance id in the masks; the largest one if None.
+    seed: of backdrops and shadow cameras.
     held_out: position, among the cameras that see the whole object, of the one kept for measuring.
     """
 
     preset: str
     capture: Path | None
+    captures: tuple[Path, ...]
     frame: int
     object: int | None
     held_out: int
     assets: Path
     sample: SampleConfig
+    seed: int
     pipeline: PipelineConfig
+    solid: SolidConfig
     fit: GaussianFitConfig
 
 
-def split_views(seen: FrameImages, held_out: int) -> tuple[View, View]:
-    """Views for fitting, and the one for measuring."""
-    index = np.flatnonzero(seen.valid)
-    if not -len(index) <= held_out < len(index):
-        raise UserError(f"held_out={held_out}: only {len(index)} cameras see the whole object")
-    chosen = index[held_out]
-    rest = index[index != chosen]
-    return jax.tree.map(lambda x: x[rest], seen.views), jax.tree.map(lambda x: x[chosen : chosen + 1], seen.views)
-
-
-def measure(gaussians: Gaussians, views: View, antialias: bool) -> tuple[dict[str, float], np.ndarray]:
-    """PSNR on the object and inside its rim, and SSIM, over each view's backdrop; and truth above drawing."""
-    backdrop = backdrop_colour(views.rgb, views.mask)
-    drawn = draw_views(gaussians, views.camera, backdrop, antialias=antialias)
-    target = over_backdrop(views.rgb, views.mask, backdrop)
-    figures = {
-        "foreground_psnr_db": float(foreground_psnr(drawn, target, views.mask)),
-        "interior_psnr_db": float(foreground_psnr(drawn, target, views.mask * certain_pixels(views.mask))),
-        "ssim": float(structural_similarity(drawn, target)),
-    }
-    return figures, np.concatenate([np.concatenate(list(x), axis=1) for x in (target, jnp.clip(drawn, 0, 1))])
-
-
-@experiment(Config)
-def main(config: Config, run: Run) -> None:
-    """Capture in; metrics.json, fitted.ply, fitted.usdc (world frame) and a picture of the held-out view out."""
-    capture = read_capture(config.capture or sample_capture(config.sample, config.assets))
+def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]:
+    """Fit one capture; metrics.json, fitted.ply, fitted.usdc (world frame) and pictures go to `directory`."""
+    capture = read_capture(folder)
     seen = frame_images(capture, config.frame, config.pipeline, object_id=config.object)
     fitting, held_out = split_views(seen, config.held_out)
-    start = hull_gaussians(fitting, config=config.pipeline.hull)
+    hull = hull_gaussians(fitting, config=config.pipeline.hull)
+    matted = matted_views(capture, config.frame, seen.views, seen.valid, seen.boxes)
+    fog_views, _ = split_views(dataclasses.replace(seen, views=matted), config.held_out)
+    start = solid_gaussians(fitting, config=config.solid)
     began = time.perf_counter()
     with progress_bar() as bar:
         task = bar.add_task("fit", total=config.fit.steps)
@@ -92,25 +71,41 @@ def main(config: Config, run: Run) -> None:
         def report(done: int, loss: float) -> None:
             bar.update(task, completed=done, description=f"loss {loss:.4f}")
 
-        fitted = fit_gaussians(start, fitting, config=config.fit, report=report)
-    seconds = time.perf_counter() - began
-    results: dict[str, Any] = {"capture": str(capture.folder), "frame": config.frame, "gaussians": len(fitted.mean)}
-    results |= {"fitting_views": len(fitting.mask), "steps": config.fit.steps, "seconds": seconds}
-    for name, gaussians in (("hull", start), ("fitted", fitted)):
+        key = jax.random.key(config.seed)
+        fitted = fit_gaussians(start, fog_views, config=config.fit, key=key, report=report)
+    results: dict[str, Any] = {"capture": capture.folder.name, "frame": config.frame, "gaussians": len(fitted.mean)}
+    results |= {"fitting_views": len(fitting.mask), "held_out_views": 1, "crop_px": config.pipeline.crop_size}
+    results |= {"steps": config.fit.steps, "seconds": time.perf_counter() - began}
+    results["matte"] = "coverage" if all(c.coverage for c in capture.cameras) else "estimated"
+    directory.mkdir(parents=True, exist_ok=True)
+    for name, gaussians in (("hull", hull), ("fitted", fitted)):
         for where, views in (("fitting_views", fitting), ("held_out_view", held_out)):
             figures, picture = measure(gaussians, views, config.fit.antialias)
             results[f"{name}_{where}"] = figures
             bgr = np.round(255 * picture[..., ::-1]).astype(np.uint8)
-            cv2.imwrite(str(run.directory / f"{name}_{where}.png"), bgr)
+            cv2.imwrite(str(directory / f"{name}_{where}.png"), bgr)
     world_from_crop = jnp.asarray(capture.cameras[0].world_from_cam @ seen.rig_from_crop, jnp.float32)
     placed = transform(fitted, world_from_crop)
-    write_ply(run.directory / "fitted.ply", placed)
-    write_usd(run.directory / "fitted.usdc", [placed])
-    write_json(run.directory / "metrics.json", results)
-    before, after = (results[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
+    write_ply(directory / "fitted.ply", placed)
+    write_usd(directory / "fitted.usdc", [placed])
+    write_json(directory / "metrics.json", results)
+    return results
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Captures in; per capture a folder with metrics and Gaussians, and summary.json, out."""
     console = Console()
-    console.print(f"held-out view: {after:.2f} dB on the object (hull {before:.2f} dB), {seconds:.0f} s")
-    console.print(str(run.directory / "metrics.json"), soft_wrap=True)
+    if not config.captures:
+        folder = config.capture or sample_capture(config.sample, config.assets)
+        summary = [fit_capture(config, folder, run.directory)]
+    else:
+        summary = [fit_capture(config, folder, run.directory / folder.name) for folder in config.captures]
+        write_json(run.directory / "summary.json", {"fits": summary})
+    for one in summary:
+        before, after = (one[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
+        console.print(f"{one['capture']}: held-out view {after:.2f} dB on the object (hull {before:.2f} dB)")
+    console.print(str(run.directory), soft_wrap=True)
 
 
 if __name__ == "__main__":

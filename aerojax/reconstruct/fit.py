@@ -1,9 +1,12 @@
 """Gaussians of one object by optimisation on its own views: slow, without training data, a ceiling for one pass.
 
-Kerbl et al. 2023 without densification: the visual hull gives enough Gaussians in the right places. Every step draws
-all views over the colour of each view's backdrop and compares with the images, whose clutter away from the object is
-replaced by that colour. Rim pixels, which mix object and backdrop, are then right as they are; a term on alpha where
-the mask is certain tells a backdrop-coloured object from none.
+Kerbl et al. 2023 without densification: a fog through the visual hull gives enough Gaussians in every place that the
+masks allow. Every step draws all views over backdrops of a new random colour, so that neither a white part nor a hole
+can pass for the other; this needs the share of the backdrop in every pixel (`aerojax.reconstruct.matte`).
+
+The hull is the largest shape with these silhouettes: a view between the cameras shows it too fat. The shadow term asks
+for the smallest: it is the mean opacity seen by cameras at random places, which have no image. For a convex body the
+mean shadow is a quarter of its surface (Cauchy 1832), so the term favours the least surface that still fills the masks.
 """
 
 from __future__ import annotations
@@ -16,10 +19,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Key
 
 from aerojax.gaussians.render import render
-from aerojax.reconstruct.photometric import backdrop_colour, certain_pixels, over_backdrop, photometric_loss
+from aerojax.geometry.cameras import look_at
+from aerojax.geometry.rotations import normalise
+from aerojax.reconstruct.photometric import backdrop_colour, photometric_loss
 from aerojax.types import Camera, Gaussians, View
 
 MOST_CERTAIN = 0.8
@@ -37,7 +42,9 @@ class GaussianFitConfig:
     mean_rate: of the centres, in object radii.
     quaternion_rate, scale_rate, opacity_rate, colour_rate: of quaternion, log scale, logit opacity and coefficients.
     dissimilarity: λ of thesis Eq. 3.9.
-    mask_weight: of mean |alpha - mask| over the pixels where the mask is certain.
+    mask_weight: of mean |alpha - mask|.
+    shadow_weight: of the mean alpha of cameras at random places.
+    shadow_views: how many of them a step draws.
     antialias: of the renderer; keep it for rendering the result.
     report_every: steps between reports.
     """
@@ -50,6 +57,8 @@ class GaussianFitConfig:
     colour_rate: float = 1e-2
     dissimilarity: float = 0.2
     mask_weight: float = 0.5
+    shadow_weight: float = 0.3
+    shadow_views: int = 2
     antialias: bool = True
     report_every: int = 20
 
@@ -59,14 +68,17 @@ def fit_gaussians(
     views: View,
     *,
     config: GaussianFitConfig,
+    key: Key[Array, ""],
     report: Report | None = None,
 ) -> Gaussians:
     """Optimise all attributes of Gaussians until they look like the views.
 
     Args:
-        start: for instance the visual hull; opacities strictly between 0 and 1 are reached from any start.
-        views: images, masks and cameras (leading axis `view`) in the Gaussians' frame; at least 11 pixels a side.
+        start: for instance `solid_gaussians`; opacities strictly between 0 and 1 are reached from any start.
+        views: images, apparent opacities as masks, and cameras (leading axis `view`) in the Gaussians' frame with the
+            object near its origin; at least 11 pixels a side.
         config: rates and steps.
+        key: random backdrops and places.
         report: progress.
 
     Returns:
@@ -74,11 +86,11 @@ def fit_gaussians(
     """
     radius = jnp.sqrt(jnp.mean(jnp.sum((start.mean - start.mean.mean(axis=0)) ** 2, axis=-1)))
     free = _free(start)
-    optimiser = _optimiser(config)
-    moments = optimiser.init(free)
+    moments = _optimiser(config).init(free)
     for first in range(0, config.steps, config.report_every):
         part = min(config.report_every, config.steps - first)
-        free, moments, loss = _advance(free, moments, views, radius, config, part)
+        keys = jax.random.split(jax.random.fold_in(key, first), part)
+        free, moments, loss = _advance(free, moments, views, radius, keys, config)
         if report is not None:
             report(first + part, float(loss))
     return _gaussians(free)
@@ -123,38 +135,63 @@ def _optimiser(config: GaussianFitConfig) -> optax.GradientTransformation:
     return optax.partition({name: adam(rate) for name, rate in rates.items()}, {name: name for name in rates})
 
 
-@partial(jax.jit, static_argnames=("config", "steps"))
+def _own_light(views: View) -> Float[Array, "view height width 3"]:
+    """What the object adds to each pixel: the image less the backdrop's share; nothing where there is no object."""
+    backdrop = backdrop_colour(views.rgb, views.mask)[:, None, None, :]
+    opacity = views.mask[..., None]
+    return jnp.where(opacity > 1e-3, views.rgb - (1 - opacity) * backdrop, 0.0)
+
+
+def _shadow_cameras(cameras: Camera, key: Key[Array, ""], count: int) -> Camera:
+    """Cameras all around the origin, at the mean distance and with the mean focal length of `cameras`."""
+    distance = jnp.mean(jnp.linalg.norm(cameras.world_from_cam[:, :3, 3], axis=-1))
+    direction = normalise(jax.random.normal(key, (count, 3)))
+    poses = jax.vmap(lambda centre: look_at(centre, jnp.zeros(3)))(direction * distance)
+    K = jnp.broadcast_to(jnp.mean(cameras.K, axis=0), (count, 3, 3))
+    return Camera(K, poses, cameras.width, cameras.height)
+
+
+def _loss(
+    free: dict[str, Array], views: View, own: Float[Array, "view height width 3"], key: Array, config: GaussianFitConfig
+) -> Float[Array, ""]:
+    """Thesis Eq. 3.9 over random backdrops, with the mask and shadow terms."""
+    key_backdrop, key_shadow = jax.random.split(key)
+    count = len(views.mask)
+    backdrop = jax.random.uniform(key_backdrop, (count, 3))
+    extra = _shadow_cameras(views.camera, key_shadow, config.shadow_views)
+    cameras = jax.tree.map(lambda *x: jnp.concatenate(x), views.camera, extra)
+    behind = jnp.concatenate([backdrop, jnp.zeros((config.shadow_views, 3))])
+    drawn = render(_gaussians(free), cameras, background=behind, antialias=config.antialias)
+    target = own + (1 - views.mask[..., None]) * backdrop[:, None, None, :]
+    colours = photometric_loss(drawn.colour[:count], target, dissimilarity=config.dissimilarity)
+    outline = jnp.mean(jnp.abs(drawn.alpha[:count] - views.mask))
+    shadow = jnp.sum(drawn.alpha[count:]) / max(1, drawn.alpha[count:].size)
+    return colours + config.mask_weight * outline + config.shadow_weight * shadow
+
+
+@partial(jax.jit, static_argnames="config")
 def _advance(
     free: dict[str, Array],
     moments: Any,
     views: View,
     radius: Float[Array, ""],
+    keys: Key[Array, "step"],
     config: GaussianFitConfig,
-    steps: int,
 ) -> tuple[dict[str, Array], Any, Float[Array, ""]]:
-    """Several updates in one compiled loop; the loss is the last one's."""
+    """One update a key in one compiled loop; the loss is the last one's."""
     optimiser = _optimiser(config)
+    own = _own_light(views)
 
-    backdrop = backdrop_colour(views.rgb, views.mask)
-    target = over_backdrop(views.rgb, views.mask, backdrop)
-    certain = certain_pixels(views.mask)
-
-    def loss(free: dict[str, Array]) -> Array:
-        drawn = render(_gaussians(free), views.camera, background=backdrop, antialias=config.antialias)
-        outline = jnp.mean(jnp.where(certain, jnp.abs(drawn.alpha - views.mask), 0.0))
-        colours = photometric_loss(drawn.colour, target, dissimilarity=config.dissimilarity)
-        return colours + config.mask_weight * outline
-
-    def step(state: tuple[dict[str, Array], Any], _: None) -> tuple[Any, Array]:
+    def step(state: tuple[dict[str, Array], Any], key: Array) -> tuple[Any, Array]:
         free, moments = state
-        value, slope = jax.value_and_grad(loss)(free)
+        value, slope = jax.value_and_grad(_loss)(free, views, own, key, config)
         update: tuple[Any, Any] = optimiser.update(slope, moments, free)
         change, moments = update
         # Centres move in units of the object's radius.
         change = {name: x * radius if name == "mean" else x for name, x in change.items()}
         return (optax.apply_updates(free, change), moments), value
 
-    (free, moments), losses = jax.lax.scan(step, (free, moments), None, length=steps)
+    (free, moments), losses = jax.lax.scan(step, (free, moments), keys)
     return free, moments, losses[-1]
 
 
