@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import run_command
 from pxr import Usd
 
 from aerojax.capture.format import read_capture
@@ -22,6 +23,7 @@ from aerojax.capture.images import read_coverage, read_depth, read_flow, read_ma
 from aerojax.capture.validate import problems
 from aerojax.geometry.boxes import box_iou
 from aerojax.simulate.render import project
+from experiments import generate_dataset
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ("rig=sim1", "preset=smoke", "classes=[bird,drone]", "sequences.train=0", "frames=2", "images.samples=2")
@@ -146,7 +148,9 @@ def test_truth_fits_the_images(dataset):
                     np.hypot(*(centre - [weight @ (x + 0.5) / weight.sum(), weight @ (y + 0.5) / weight.sum()]))
                 )
                 depth, normal = read_depth(capture, index, state.frame), read_normal(capture, index, state.frame)
-                assert (depth[mask == 1] > 30).all() and (depth[mask == 0] == 0).all()
+                assert (depth[mask == 1] > 30).all()
+                # A rod may pass through a pixel's centre and between its samples.
+                assert (depth[coverage == 0] > 0).sum() <= 0.05 * (mask == 1).sum()
                 assert (np.linalg.norm(normal[mask == 1], axis=1) > 0.99).mean() > 0.9
                 assert read_flow(capture, index, state.frame).shape == (360, 640, 2)
             assert state.joints
@@ -186,8 +190,10 @@ def test_croissant_loads_in_its_own_library(dataset):
         (("models=nowhere.yaml",), "nowhere.yaml"),
     ],
 )
-def test_mistakes_are_told_in_one_line(dataset, overrides, words):
+def test_mistakes_are_told_in_one_line(dataset, overrides, words, monkeypatch, capsys):
     before = tree(dataset)
-    done = generate(dataset, *overrides)
-    assert done.returncode == 2 and words in done.stderr and "Traceback" not in done.stderr
+    with pytest.raises(SystemExit) as ended:
+        run_command(generate_dataset, monkeypatch, *command(dataset, *overrides)[3:])
+    told = capsys.readouterr().err
+    assert ended.value.code == 2 and words in told and "Traceback" not in told
     assert tree(dataset) == before
