@@ -96,12 +96,14 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
 def main(config: Config, run: Run) -> None:
     """Captures in; per capture a folder with metrics and Gaussians, and summary.json, out."""
     console = Console()
-    if not config.captures:
+    if config.captures:
+        summary = []
+        for folder in config.captures:
+            summary.append(fit_capture(config, folder, run.directory / folder.name))
+            write_json(run.directory / "summary.json", {"fits": summary})
+    else:
         folder = config.capture or sample_capture(config.sample, config.assets)
         summary = [fit_capture(config, folder, run.directory)]
-    else:
-        summary = [fit_capture(config, folder, run.directory / folder.name) for folder in config.captures]
-        write_json(run.directory / "summary.json", {"fits": summary})
     for one in summary:
         before, after = (one[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
         console.print(f"{one['capture']}: held-out view {after:.2f} dB on the object (hull {before:.2f} dB)")

@@ -53,7 +53,7 @@ class GaussianFitConfig:
     mean_rate: float = 2e-3
     quaternion_rate: float = 5e-3
     scale_rate: float = 1e-2
-    opacity_rate: float = 5e-2
+    opacity_rate: float = 0.1
     colour_rate: float = 1e-2
     dissimilarity: float = 0.2
     mask_weight: float = 0.5
