@@ -124,7 +124,8 @@ def test_every_sequence_is_a_capture_in_order(dataset):
         (flown,) = capture.truth.objects
         assert (flown.class_name, flown.identity) == (entry["class"], entry["identity"])
         assert entry["distance_m"] == pytest.approx(32.0, abs=1e-3) and entry["frames_below_min_cameras"] == []
-        assert Usd.Stage.Open(str(folder / "scene.usda")).GetPrimAtPath("/World/Object").GetAllChildren()
+        stage = Usd.Stage.Open(str(folder / "scene.usda"))
+        assert stage.GetPrimAtPath("/World/Object").GetAllChildren()
     assert not list(dataset.rglob("*.partial"))
 
 
