@@ -19,6 +19,7 @@ IOU_LIMIT, RESIDUAL_LIMIT = 0.95, 0.5
 """Below and above (pixels) which a view's disagreement is put down to a cause."""
 WHOLE = 0.99  # least visibility of an object that nothing hides; its truth is rounded to samples of pixels
 FEW_PIXELS = 16  # covered area: coverage in steps of 1/9 leaves a centroid of so few pixels uncertain by about 0.1
+LOST_TIP = 6.0  # pixels; tips that taper below a third of a pixel, the distance of rays, are lost that far at most
 SIDES = (0.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, np.inf)
 """Bins of the shorter side of the projected box, pixels."""
 
@@ -26,7 +27,7 @@ BOX_CAUSES = {
     "occluded": f"less than {WHOLE:.0%} of the object is visible, so the mask shows a part of the projected box",
     "pixel grid": "every edge of the mask's box is within one pixel of the projected one: whole pixels around it",
     "mask threshold": "parts cover too little of a pixel for the mask, but the coverage image has them to within one",
-    "between samples": "tips so thin that no ray of their pixels hits them; the mask's box lies inside the projected",
+    "between samples": f"tips thinner than the distance of rays, of which coverage lacks at most {LOST_TIP:g} pixels",
     "unexplained": "none of the above",
 }
 RESIDUAL_CAUSES = {
@@ -67,6 +68,7 @@ class SideRow:
     high: float
     views: int
     iou: Spread
+    iou_grid: Spread
     iou_subpixel: Spread
     residual: Spread
 
@@ -77,8 +79,10 @@ class Consistency:
 
     views: with the object in the mask. truncated: of those, how many show only part of it within the image; they are
         in the rows that say so and in no other.
-    missed: views with the object's box in the image that no mask pixel shows.
+    faint: views that only the coverage image shows, because the object fills no pixel enough for the mask.
+    missed: views with the object's box in the image that neither shows.
     iou: mask's tight box against the projected box inside the image. iou_subpixel: box of the coverage instead.
+    iou_grid: the projected box's own whole pixels instead, which is what a box of pixels can reach at this size.
     residual: projected centroid of the visible surface against the centroid of the silhouette.
     residual_depth: the same with pixels weighted by depth, which takes out the perspective exactly.
     origin: projected origin of the body against the centroid. origin_body: in metres at the object's distance.
@@ -88,9 +92,11 @@ class Consistency:
     rig: str
     views: int
     truncated: int
+    faint: int
     missed: int
     iou: Spread
     iou_subpixel: Spread
+    iou_grid: Spread
     iou_truncated: Spread
     residual: Spread
     residual_depth: Spread
@@ -119,6 +125,7 @@ class _Errors:
 
     iou: np.ndarray
     subpixel: np.ndarray
+    grid: np.ndarray
     residual: np.ndarray
     depth: np.ndarray
     origin: np.ndarray
@@ -134,7 +141,7 @@ def consistency(rig: str, views: Observations) -> Consistency:
     # A box with a pixel's area inside the image should have left something in the mask.
     inside = clip_boxes(np.nan_to_num(views.projected_box), views.size)
     expected = (inside[:, 2:] - inside[:, :2]).prod(axis=1) >= 1.0
-    missed = expected & ~views.in_view & ~views.truncated & ~(views.visibility < WHOLE)
+    absent = expected & ~views.in_view & ~views.truncated & ~(views.visibility < WHOLE)
     seen = views.where(views.in_view)
     errors, cut = _errors(seen), seen.truncated
     whole = ~cut
@@ -144,9 +151,11 @@ def consistency(rig: str, views: Observations) -> Consistency:
         rig=rig,
         views=len(seen.area),
         truncated=int(cut.sum()),
-        missed=int(missed.sum()),
+        faint=int((absent & (views.covered > 0)).sum()),
+        missed=int((absent & ~(views.covered > 0)).sum()),
         iou=spread(errors.iou[whole]),
         iou_subpixel=spread(errors.subpixel[whole]),
+        iou_grid=spread(errors.grid[whole]),
         iou_truncated=spread(errors.iou[cut]),
         residual=spread(errors.residual[whole]),
         residual_depth=spread(errors.depth[whole]),
@@ -166,6 +175,7 @@ def _errors(views: Observations) -> _Errors:
     return _Errors(
         iou=box_iou(views.mask_box, projected),
         subpixel=box_iou(views.covered_box, projected),
+        grid=box_iou(np.concatenate([np.floor(projected[:, :2]), np.ceil(projected[:, 2:])], axis=1), projected),
         residual=np.linalg.norm(views.centroid - views.surface_pixel, axis=1),
         depth=np.linalg.norm(views.depth_centroid - views.surface_pixel, axis=1),
         origin=np.linalg.norm(views.centroid - views.origin_pixel, axis=1),
@@ -185,7 +195,7 @@ def box_causes(views: Observations) -> np.ndarray:
             views.visibility < WHOLE,
             (np.abs(beyond) <= near).all(axis=1),
             (np.abs(sparse) <= near).all(axis=1) & (beyond <= near).all(axis=1),
-            (beyond <= near).all(axis=1),
+            (beyond <= near).all(axis=1) & ~(sparse < -LOST_TIP).any(axis=1),
         ],
         ["", "occluded", "pixel grid", "mask threshold", "between samples"],
         "unexplained",
@@ -238,7 +248,7 @@ def _by_side(views: Observations, errors: _Errors, whole: Bool[np.ndarray, "view
     for low, high in itertools.pairwise(SIDES):
         mine = whole & (side >= low) & (side < high)
         if mine.any():
-            parts = (spread(column[mine]) for column in (errors.iou, errors.subpixel, errors.residual))
+            parts = (spread(column[mine]) for column in (errors.iou, errors.grid, errors.subpixel, errors.residual))
             rows.append(SideRow(low, high, int(mine.sum()), *parts))
     return tuple(rows)
 
