@@ -11,17 +11,16 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from rich.console import Console
 
 from aerojax.classify.config import MambaSplatConfig
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.evaluate.labels import label_figures
-from aerojax.pipeline import probabilities_so_far
-from aerojax.training.data import ClipSet, VariationConfig, epoch_order, join_clips, load_clips, vary_clip
+from aerojax.training.data import ClipSet, VariationConfig, epoch_order, vary_clip
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
 from aerojax.types import CLASSES
 from experiments.clip_factory import MANIFEST
+from experiments.clip_reading import load_split, predict, test_figures
 from experiments.launch import Run, experiment, provenance, write_json
 from experiments.model_card import keep_model
 from experiments.progress import progress_bar
@@ -44,21 +43,6 @@ class Config:
     model: MambaSplatConfig
     variation: VariationConfig
     training: TrainingConfig
-
-
-@partial(jax.jit, static_argnames=("tokens", "readings"))
-def _probabilities(model: MambaSplat, columns: jax.Array, present: jax.Array, tokens: int, readings: int) -> jax.Array:
-    one = partial(probabilities_so_far, model, tokens=tokens, readings=readings)
-    return jax.vmap(lambda c, p: one(c, p)[-1])(columns, present)
-
-
-def predict(model: MambaSplat, clips: ClipSet, tokens: int, *, readings: int = 1, batch: int = 32) -> np.ndarray:
-    """Log-probabilities (clip, class) of whole clips, read as the pipeline reads them."""
-    parts = []
-    for start in range(0, len(clips.label), batch):
-        index = np.arange(start, start + batch) % len(clips.label)  # one shape, one compilation
-        parts.append(_probabilities(model, clips.columns[index], clips.present[index], tokens, readings))
-    return np.log(np.maximum(np.concatenate(parts)[: len(clips.label)], 1e-12))
 
 
 def _task(config: Config, train: ClipSet, val: ClipSet, report: Any) -> Fit:
@@ -86,26 +70,11 @@ def _task(config: Config, train: ClipSet, val: ClipSet, report: Any) -> Fit:
     return Fit(loss, batches, len(train.label) // config.training.batch, validate, report)
 
 
-def _load(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
-    return join_clips([load_clips(folder / split, frames=frames) for folder in folders])
-
-
-def _test(config: Config, model: MambaSplat) -> dict[str, dict[str, Any]]:
-    """Figures of every folder's test split by the folder's name, and of all that training had a part of as `all`."""
-    sets = {folder.name: _load((folder,), "test", config.frames) for folder in (*config.clips, *config.also_test)}
-    sets["all"] = _load(config.clips, "test", config.frames)
-    tokens = config.variation.tokens
-    figures = {
-        name: label_figures(predict(model, clips, tokens, readings=4), clips.label) for name, clips in sets.items()
-    }
-    return {name: {**figures[name], "identities": len(set(clips.identity))} for name, clips in sets.items()}
-
-
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Train, test, and write weights with their card."""
     console, start = Console(), time.perf_counter()
-    train, val = (_load(config.clips, split, config.frames) for split in ("train", "val"))
+    train, val = (load_split(config.clips, split, config.frames) for split in ("train", "val"))
     console.print(f"clips: {len(train.label)} train, {len(val.label)} val")
     model = MambaSplat(config.model, key=jax.random.key(config.seed))
     with progress_bar() as bar:
@@ -117,7 +86,8 @@ def main(config: Config, run: Run) -> None:
 
         task = _task(config, train, val, report)
         model = fit(model, task, config.training, seed=config.seed, directory=run.directory)
-    tests, minutes = _test(config, model), (time.perf_counter() - start) / 60
+    tests = test_figures(model, config.clips, config.also_test, frames=config.frames, tokens=config.variation.tokens)
+    minutes = (time.perf_counter() - start) / 60
     for name, figures in tests.items():
         console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
     origin = {**provenance(run.overrides), "seed": config.seed, "minutes": minutes}

@@ -15,6 +15,7 @@ from aerojax.classify.weights import load_metadata, load_weights
 from aerojax.training.data import load_clips
 from aerojax.types import CLASSES
 from experiments import classify, generate_dataset, reconstruct_dataset, train_classifier
+from experiments.clip_reading import predict
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +89,7 @@ def test_training_writes_weights_that_read_back(trained, clips):
     model, notes = load_weights(weights), load_metadata(weights)
     assert json.loads(notes["reading"]) == {"tokens": 32, "frames": 4}
     test = load_clips(clips / "test", frames=4)
-    again = train_classifier.predict(model, test, 32, readings=4)
+    again = predict(model, test, 32, readings=4)
     nll = -again[np.arange(4), test.label].mean()
     assert nll == pytest.approx(results["test"]["nll"], rel=1e-4)
     assert bool(jnp.isfinite(jnp.asarray(again)).all())
