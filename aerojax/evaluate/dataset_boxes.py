@@ -1,19 +1,12 @@
-"""Boxes of silhouettes: tight, sub-pixel, and how well two agree. Ends are exclusive, pixels, x0 y0 x1 y1."""
+"""Boxes of many silhouettes, pixels, x0 y0 x1 y1, ends exclusive: to a fraction of a pixel, and how well two agree."""
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 NOWHERE = (np.nan, np.nan, np.nan, np.nan)
 """A box that does not exist."""
-
-
-def tight_box(mask: Bool[np.ndarray, "rows columns"]) -> Float[np.ndarray, "4"]:
-    """Smallest box of whole pixels around a mask; NaN where the mask is empty."""
-    x, y, width, height = cv2.boundingRect(mask.view(np.uint8))
-    return np.array((x, y, x + width, y + height) if width else NOWHERE, np.float64)
 
 
 def subpixel_box(coverage: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, "4"]:
@@ -47,7 +40,7 @@ def clip_boxes(boxes: Float[np.ndarray, "view 4"], size: Float[np.ndarray, "view
     return np.clip(boxes, 0.0, np.concatenate([size, size], axis=1))
 
 
-def box_iou(one: Float[np.ndarray, "view 4"], other: Float[np.ndarray, "view 4"]) -> Float[np.ndarray, "view"]:
+def box_overlaps(one: Float[np.ndarray, "view 4"], other: Float[np.ndarray, "view 4"]) -> Float[np.ndarray, "view"]:
     """Intersection over union; 0 where the boxes do not meet, NaN where one does not exist or has no area."""
     inner = np.minimum(one[:, 2:], other[:, 2:]) - np.maximum(one[:, :2], other[:, :2])
     shared = inner.clip(0.0).prod(axis=1)

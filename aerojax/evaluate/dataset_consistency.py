@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from aerojax.evaluate.dataset_boxes import box_iou, clip_boxes
+from aerojax.evaluate.dataset_boxes import box_overlaps, clip_boxes
 from aerojax.evaluate.dataset_observations import Observations
 
 IOU_LIMIT, RESIDUAL_LIMIT = 0.95, 0.5
@@ -173,9 +173,9 @@ def consistency(rig: str, views: Observations) -> Consistency:
 def _errors(views: Observations) -> _Errors:
     projected = clip_boxes(views.projected_box, views.size)
     return _Errors(
-        iou=box_iou(views.mask_box, projected),
-        subpixel=box_iou(views.covered_box, projected),
-        grid=box_iou(np.concatenate([np.floor(projected[:, :2]), np.ceil(projected[:, 2:])], axis=1), projected),
+        iou=box_overlaps(views.mask_box, projected),
+        subpixel=box_overlaps(views.covered_box, projected),
+        grid=box_overlaps(np.concatenate([np.floor(projected[:, :2]), np.ceil(projected[:, 2:])], axis=1), projected),
         residual=np.linalg.norm(views.centroid - views.surface_pixel, axis=1),
         depth=np.linalg.norm(views.depth_centroid - views.surface_pixel, axis=1),
         origin=np.linalg.norm(views.centroid - views.origin_pixel, axis=1),
@@ -191,7 +191,7 @@ def box_causes(views: Observations) -> np.ndarray:
     near = 1.001  # a pixel, and what rounding of floats adds
     found = np.select(
         [
-            ~(box_iou(views.mask_box, projected) < IOU_LIMIT),
+            ~(box_overlaps(views.mask_box, projected) < IOU_LIMIT),
             views.visibility < WHOLE,
             (np.abs(beyond) <= near).all(axis=1),
             (np.abs(sparse) <= near).all(axis=1) & (beyond <= near).all(axis=1),

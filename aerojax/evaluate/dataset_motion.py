@@ -55,7 +55,8 @@ def detect_period(lags: Float[np.ndarray, "time"]) -> float | None:
     """Frames until a shape returns, between frames by a parabola; None where nothing moves or nothing returns.
 
     The first local minimum counts that lies below the peaks before and after it by 0.3 of the curve's range and is
-    nearly as deep as the deepest. Lags beyond two thirds of the sequence are averages of too few pairs. Motion faster
+    nearly as deep as the deepest (by the same 0.3), so that a cycle that is no whole number of frames is not taken for
+    its double. Lags beyond two thirds of the sequence are averages of too few pairs. Motion faster
     than half the frame rate shows its alias, as it does in the images.
     """
     usable = lags[: max(3, 2 * len(lags) // 3 + 1)]
@@ -72,7 +73,7 @@ def detect_period(lags: Float[np.ndarray, "time"]) -> float | None:
     if not dips:
         return None
     deepest = min(usable[dips])
-    first = next(lag for lag in dips if usable[lag] <= deepest + 0.5 * _DIP * reach)
+    first = next(lag for lag in dips if usable[lag] <= deepest + _DIP * reach)
     before, here, after = usable[first - 1 : first + 2]
     bend = before - 2 * here + after
     return float(first + (0.5 * (before - after) / bend if bend > 0 else 0.0))

@@ -13,8 +13,9 @@ from jaxtyping import Bool, Float, Int
 from aerojax.capture.format import Capture, CaptureCamera, ObjectState, TrackedObject, read_capture
 from aerojax.capture.images import read_coverage, read_depth, read_mask
 from aerojax.errors import UserError
-from aerojax.evaluate.dataset_boxes import NOWHERE, subpixel_box, tight_box
+from aerojax.evaluate.dataset_boxes import NOWHERE, subpixel_box
 from aerojax.evaluate.dataset_manifest import SequenceEntry
+from aerojax.geometry.boxes import tight_box
 from aerojax.types import CLASSES
 
 _MARGIN = 2  # pixels around the projected box that are looked at for coverage; rounding needs one
@@ -161,7 +162,7 @@ def _measured(
 ) -> dict[str, Any]:
     """What the images say about one object."""
     mine = mask == object_id
-    around = tight_box(mine)
+    around = np.array(tight_box(mine) or NOWHERE)
     window = _window(around, np.array(box), mask.shape)
     part = mine[window]
     share = part.astype(np.float64) if coverage is None else _own_coverage(mask[window], part, coverage[window])

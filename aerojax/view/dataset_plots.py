@@ -68,7 +68,7 @@ def curve_plot(labels: Labels, curves: Mapping[str, Curve], *, marks: Sequence[f
     parts = [_y_grid(labels, highest, place(low, 0.0)[1])]
     for tick in nice_ticks(low, high, 8):
         parts.append(
-            f'<text x="{place(tick, 0)[0]:.1f}" y="{HEIGHT - _BOTTOM + 17}" text-anchor="middle">{tick:g}</text>'
+            f'<text x="{place(tick, 0.0)[0]:.1f}" y="{HEIGHT - _BOTTOM + 17}" text-anchor="middle">{tick:g}</text>'
         )
     for index, curve in enumerate(curves.values(), colour):
         if curve.band is not None:
@@ -88,11 +88,11 @@ def bar_plot(labels: Labels, bins: Sequence[str], series: Mapping[str, Sequence[
     highest = max((max(values, default=0.0) for values in series.values()), default=0.0) or 1.0
     slot = (WIDTH - _LEFT - _RIGHT) / max(len(bins), 1)
     bar = 0.84 * slot / max(len(series), 1)
-    bottom = HEIGHT - _BOTTOM
+    bottom = float(HEIGHT - _BOTTOM)
     parts = [_y_grid(labels, highest, bottom)]
     for place, name in enumerate(bins):
         x = _LEFT + (place + 0.5) * slot
-        parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{html.escape(name)}</text>')
+        parts.append(f'<text x="{x:.1f}" y="{bottom + 17:g}" text-anchor="middle">{html.escape(name)}</text>')
     for index, values in enumerate(series.values()):
         for place, value in enumerate(values):
             x = _LEFT + place * slot + 0.08 * slot + index * bar
