@@ -1,0 +1,114 @@
+"""Measure a classifier under every rotation protocol: clip and video figures, calibration, intervals, prefixes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from aerojax.evaluate.bootstrap import accuracy, paired_interval
+from aerojax.evaluate.protocols import TEST_ROTATIONS, TrainRotation, protocols_of
+from aerojax.types import CLASSES
+from experiments.classify import PRETRAINED
+from experiments.clip_windows import Classifier, Windows, read_classifier, read_windows
+from experiments.launch import Run, experiment, provenance, write_json
+from experiments.progress import progress_bar
+from experiments.rotation_figures import Answers, Reading, figures_of, passes, read_all, video_confusions
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config(Reading):
+    """Which models on which clips.
+
+    model: weights; the shipped ones if None. against: further weights to compare with on the same rotations.
+    trained: rotation of the training clips; what the weights say if None.
+    clips: folders of `reconstruct_dataset`, one a rig; split: the one that is tested (temperature is fitted on val).
+    frames: clips are cut to so many. window: frames of a window; as in training if None. stride: between windows.
+    """
+
+    preset: str
+    model: Path | None
+    against: Path | None
+    trained: TrainRotation | None
+    clips: tuple[Path, ...]
+    split: str
+    frames: int
+    window: int | None
+    stride: int
+
+
+def _windows(config: Config, classifier: Classifier, split: str) -> Windows:
+    length, tokens = config.window or classifier.frames, classifier.tokens * config.readings
+    return read_windows(config.clips, split, frames=config.frames, length=length, stride=config.stride, tokens=tokens)
+
+
+def _ask(config: Config, path: Path) -> tuple[Classifier, Windows, Answers]:
+    classifier = read_classifier(path)
+    test, val = _windows(config, classifier, config.split), _windows(config, classifier, "val")
+    with progress_bar() as bar:
+        task = bar.add_task(f"{len(test.label)} windows", total=passes(config))
+        return classifier, test, read_all(classifier, test, val, config, lambda: bar.advance(task))
+
+
+def _show(console: Console, figures: dict[str, Any]) -> None:
+    table = Table("protocol", "clips", "videos", "95 %", "macro-F1", "ECE", "ECE with T")
+    for name, kind in figures["protocols"].items():
+        row = figures["rotations"][kind]
+        low, high = row["interval_95"]["video_accuracy"]
+        spread = [f"{100 * row[k]['mean']:.1f}±{100 * row[k]['std']:.1f}" for k in ("clip_accuracy", "video_accuracy")]
+        first = row["trials"][0]["clip"]
+        errors = f"{first['ece']:.3f}", f"{first['ece_with_temperature']:.3f}"
+        table.add_row(
+            name, *spread, f"{100 * low:.1f}…{100 * high:.1f}", f"{100 * row['video_macro_f1']['mean']:.1f}", *errors
+        )
+    console.print(table)
+    console.print("accuracy in %; interval of the videos' by resampling identities; T fitted on val")
+    recall = figures["rotations"]["none"]["trials"][0]["video"]["recall"]
+    shares = "  ".join(f"{c} {100 * r:.1f}" for c, r in zip(CLASSES, recall, strict=True) if r is not None)
+    console.print(f"video recall, unturned: {shares}")
+    curve = "  ".join(f"{row['frames']}: {100 * row['accuracy']:.1f}" for row in figures["prefix_accuracy"])
+    console.print(f"clip accuracy after n frames: {curve}")
+    console.print(f"with frames shuffled: {100 * figures['shuffled_frames']['clip']['accuracy']:.1f}")
+
+
+def _measure(config: Config, path: Path) -> tuple[dict[str, Any], Windows, Answers]:
+    classifier, test, answers = _ask(config, path)
+    trained = config.trained or classifier.rotation
+    exact = classifier.model.config.variant == "exact"
+    protocols = {p.name: p.test for p in protocols_of(trained, exactly_invariant=exact)}
+    figures = {"model": str(path), "trained": trained, "exactly_invariant": exact, "protocols": protocols}
+    return figures | figures_of(answers, test, config), test, answers
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Write results.json and print a row a protocol."""
+    console = Console()
+    figures, test, answers = _measure(config, config.model or PRETRAINED)
+    _show(console, figures)
+    sizes = {"windows": len(test.label), "videos": len(test.one_a_video()), "identities": len(set(test.identity))}
+    command = " ".join(["python -m experiments.eval_rotation", *run.overrides])
+    results: dict[str, Any] = {**figures, **sizes, "command": command, "classes": CLASSES, "seed": config.seed}
+    if config.against is not None:
+        other, other_test, other_answers = _measure(config, config.against)
+        _show(console, other)
+        results["against"] = other
+        results["paired_95"] = {}
+        for kind in TEST_ROTATIONS:
+            pair = (
+                video_confusions(answers.turned[kind], test),
+                video_confusions(other_answers.turned[kind], other_test),
+            )
+            low, high = paired_interval(*pair, accuracy, seed=config.seed, draws=config.draws)
+            results["paired_95"][kind] = {"difference": float(accuracy(pair[0].sum(0)) - accuracy(pair[1].sum(0)))}
+            results["paired_95"][kind] |= {"low": low, "high": high}
+            console.print(f"{kind}: video accuracy less that of the other model {100 * low:.1f} … {100 * high:.1f}")
+    write_json(run.directory / "results.json", {**results, **provenance(run.overrides)})
+    console.print(str(run.directory / "results.json"), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()
