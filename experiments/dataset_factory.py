@@ -22,7 +22,7 @@ from aerojax.simulate.manifest import (
     write_text,
 )
 from aerojax.simulate.record import Costs, record_scene
-from aerojax.simulate.staging import draw_scene
+from aerojax.simulate.staging import draw_scene, site_of
 from experiments.launch import provenance
 from experiments.progress import progress_bar
 from experiments.worker_pool import run_jobs
@@ -83,6 +83,7 @@ def make_dataset(config: CampaignConfig, dataset: Path, *, workers: int, shard: 
     origin = provenance()
     begin_rig(dataset, config, {"versions": origin["versions"], "commit": origin["commit"]})
     jobs = [_Job(task, config, dataset) for task in mine if not (dataset / task.folder / ENTRY).is_file()]
+    jobs.sort(key=lambda job: site_of(job.task, config))  # workers keep the last site's landscape
     begin, costs = time.perf_counter(), Costs()
     if jobs:
         _build_assets(jobs, config, dataset, workers)

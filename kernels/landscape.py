@@ -272,12 +272,23 @@ class LandscapeCaster:
         self._albedo = self._array(landscape.albedo.astype(np.float32), wp.vec3)
         self._kind = self._array(landscape.kind.astype(np.int32), wp.int32)
         self._palette = self._array(landscape.palette.astype(np.float32), wp.vec3)
+        self._buffers: dict[bytes, SurfaceBuffer] = {}
 
     def _array(self, values: np.ndarray, kind: Any) -> Any:
         return wp.array(np.ascontiguousarray(values), dtype=kind, device=self._device)
 
     def buffer(self, camera: Pinhole, edge_samples: int) -> SurfaceBuffer:
-        """Cast every pixel's centre, then the samples of the pixels at edges."""
+        """What a camera sees: every pixel's centre, then the samples of the pixels at edges.
+
+        Cast once a camera; later calls give the same buffer, whose sun is the one cast last.
+        """
+        parts = (camera.K, camera.rotation, camera.centre, [camera.width, camera.height, edge_samples])
+        key = b"".join(np.asarray(part, np.float64).tobytes() for part in parts)
+        if key not in self._buffers:
+            self._buffers[key] = self._cast_buffer(camera, edge_samples)
+        return self._buffers[key]
+
+    def _cast_buffer(self, camera: Pinhole, edge_samples: int) -> SurfaceBuffer:
         pixels, eye = camera.width * camera.height, _eye(camera, edge_samples)
         everything = np.arange(pixels, dtype=np.int32)
         base = self._cast(eye, everything, 0, 1, [None, None, None], pixels)

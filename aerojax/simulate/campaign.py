@@ -35,6 +35,7 @@ class NetworkConfig:
     environment: a white dome, one sky colour a camera, or a landscape under a moving sun.
     scenery: of the landscape; sky, sun and weather are drawn for each sequence.
     sun_rate: degrees a second by which the sun moves (the real one: 0.004).
+    sites: different landscapes that the sequences share, each with its own days; 0 gives every sequence its own.
     """
 
     name: str
@@ -47,6 +48,7 @@ class NetworkConfig:
     environment: Literal["white", "sky", "outdoor"] = "white"
     scenery: SceneryConfig = field(default_factory=SceneryConfig)
     sun_rate: float = 0.1
+    sites: int = 0
 
 
 @dataclass(frozen=True)

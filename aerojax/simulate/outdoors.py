@@ -57,11 +57,19 @@ class Outdoors:
         landscape: from `scenery.build_scenery`.
         sky: the day.
         config: quality.
+        caster: of the same landscape, where one exists; what it has cast for a camera is not cast again.
     """
 
-    def __init__(self, landscape: LandscapeMesh, sky: SkyConfig, config: OutdoorConfig | None = None):
+    def __init__(
+        self,
+        landscape: LandscapeMesh,
+        sky: SkyConfig,
+        config: OutdoorConfig | None = None,
+        *,
+        caster: LandscapeCaster | None = None,
+    ):
         self._sky, self._config = sky, config or OutdoorConfig()
-        self._caster = LandscapeCaster(landscape)
+        self._caster = caster or LandscapeCaster(landscape)
         self._lowest = float(landscape.vertices[:, 2].min())
         self._noise = cloud_noise(landscape.seed)
         self._cameras: dict[str, _CameraState] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,11 @@ from aerojax.simulate.outdoors import Outdoors
 from aerojax.simulate.record import Actor, ScenePlan, image_patterns
 from aerojax.simulate.render import Dome, Environment
 from aerojax.simulate.rigs import draw_rig
-from aerojax.simulate.scenery import build_scenery
+from aerojax.simulate.scenery import SceneryConfig, build_scenery
 from aerojax.simulate.sensor import SensorConfig, draw_lighting, draw_sensor
 from aerojax.simulate.sky import SkyConfig
 from aerojax.simulate.stations import BODY_RADIUS, cameras_that_see, conditions, place_cameras
-from kernels.landscape import LandscapeMesh
+from kernels.landscape import LandscapeCaster, LandscapeMesh
 from kernels.raytrace import Lighting
 
 _ATTEMPTS = 400
@@ -215,7 +216,7 @@ def _environment(
 def _outdoors(
     task: SequenceTask, config: CampaignConfig, cameras: tuple[CaptureCamera, ...], rng: np.random.Generator
 ) -> tuple[Environment, LandscapeMesh | None]:
-    """A landscape and a day of its own for every sequence: clear to hazy, bright to cloudy, low to high sun."""
+    """The site's landscape and a day of its own for every sequence: clear to hazy, cloudy or not, low to high sun."""
     sky = SkyConfig(
         turbidity=rng.uniform(2.0, 5.0),
         sun_azimuth=rng.uniform(0.0, 360.0),
@@ -225,7 +226,22 @@ def _outdoors(
         visibility=10 ** rng.uniform(3.6, 4.5),
         exposure=rng.uniform(0.8, 1.2),
     )
-    centres = np.stack([camera.world_from_cam[:2, 3] for camera in cameras])
-    seed = sequence_seed(config.seed, f"{task.name}/landscape") % 2**31
-    landscape = build_scenery(config.rig.scenery, centres, seed=seed)
-    return Outdoors(landscape, sky), landscape
+    clear = tuple((float(c.world_from_cam[0, 3]), float(c.world_from_cam[1, 3])) for c in cameras)
+    seed = sequence_seed(config.seed, f"{site_of(task, config)}/landscape") % 2**31
+    landscape, caster = _site(config.rig.scenery, clear, seed)
+    return Outdoors(landscape, sky, caster=caster), landscape
+
+
+def site_of(task: SequenceTask, config: CampaignConfig) -> str:
+    """Which landscape a sequence is flown over: one of the rig's sites, or its own."""
+    sites = config.rig.sites
+    return f"site_{sequence_seed(config.seed, task.name) % sites:03d}" if sites else task.name
+
+
+@lru_cache(maxsize=1)
+def _site(
+    scenery: SceneryConfig, clear: tuple[tuple[float, float], ...], seed: int
+) -> tuple[LandscapeMesh, LandscapeCaster]:
+    """A landscape and its caster, kept for the next sequence at the same site."""
+    landscape = build_scenery(scenery, np.array(clear), seed=seed)
+    return landscape, LandscapeCaster(landscape)
