@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
+CLIENTS := $(VENV)/.clients
 
-.PHONY: run test check bench venv format clean
+.PHONY: run test check bench venv clients format clean
 
 venv: $(STAMP)
 
@@ -15,10 +16,18 @@ $(STAMP): requirements.lock pyproject.toml
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --editable .
 	@touch $(STAMP)
 
+# The tools that read the exports in tests. One of them asks for opencv-python, which would overwrite the headless one.
+clients: $(CLIENTS)
+
+$(CLIENTS): $(STAMP) requirements.clients.lock
+	@echo "installing the tools that read the exports"
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.clients.lock
+	@touch $(CLIENTS)
+
 run: venv
 	$(PY) -m experiments.classify
 
-test: venv
+test: clients
 	$(PY) -m pytest -n auto --dist loadfile
 
 check: venv
