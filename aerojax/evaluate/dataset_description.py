@@ -27,7 +27,7 @@ class Coverage:
     rig: str
     heat: tuple[Float[np.ndarray, "rows columns"], ...]
     areas: Int[np.ndarray, "label bin"]
-    distances: Int[np.ndarray, "label bin"]
+    distances: Int[np.ndarray, "label distance"]
     visibility: Float[np.ndarray, "cameras"]
 
 
