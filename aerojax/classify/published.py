@@ -21,6 +21,8 @@ from aerojax.errors import UserError
 COMPILED_PREFIX = "_orig_mod."
 UNUSED_BRIDGE = "bridge."
 POSITIONS = "temporal_encoder.pos_encoder.pe"
+HALF_STEP = 4e-3
+"""Rounding of numbers up to 1 in bfloat16; another table of positions differs by far more."""
 POOL = "spatial_encoder.classifier_head.global_pool.weight"
 
 _BLOCK = {
@@ -144,7 +146,7 @@ def model_from_published(tensors: Mapping[str, np.ndarray], config: MambaSplatCo
         wanted |= set(names)
         found = [_take(given, name, shape, problems) for name in names]
         leaves.append(np.stack(found) if stacked else found[0])
-    problems += [f"unknown tensor {name}" for name in sorted(set(given) - wanted) if not _ignorable(name, given[name])]
+    problems += [_stranger(name) for name in sorted(set(given) - wanted) if not is_unused(name, given[name])]
     if problems:
         raise UserError("tensors do not fit MambaSplatConfig:\n  " + "\n  ".join(problems))
     return jax.tree.unflatten(jax.tree.structure(shapes), [jnp.asarray(leaf) for leaf in leaves])
@@ -161,8 +163,15 @@ def _take(given: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...], pr
     return _from_published(name, given[name])
 
 
-def _ignorable(name: str, value: np.ndarray) -> bool:
-    """Tensors that cannot change the output: the unused bridge, zero offsets and the standard table of positions."""
+def is_unused(name: str, value: np.ndarray) -> bool:
+    """Whether a stored tensor cannot change the output: unused bridge, zero offsets, the usual table of positions."""
     if name == POSITIONS:
-        return bool(np.allclose(value[0], sinusoids(value.shape[1], value.shape[2]), atol=1e-4))
+        usual = value.ndim == 3 and len(value) == 1 and value.shape[2] % 2 == 0
+        return usual and bool(np.allclose(value[0], sinusoids(value.shape[1], value.shape[2]), atol=HALF_STEP))
     return name.startswith(UNUSED_BRIDGE) or (name.endswith("ln.beta") and not value.any())
+
+
+def _stranger(name: str) -> str:
+    if name == POSITIONS:
+        return f"tensor {name} is not the usual table of sinusoids"
+    return f"tensor {name} is not zero" if name.endswith("ln.beta") else f"unknown tensor {name}"

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import zlib
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from released_weights import recipe_tensors
 
 from aerojax.classify import mambasplat
 from aerojax.classify.config import MambaSplatConfig, published_config
@@ -33,32 +32,12 @@ CASES = [
 ]
 
 
-def _draw(entry):
-    """The recipe of the golden README: a seeded normal draw per tensor, scaled by kind, rounded to float32."""
-    name, shape, kind = entry["name"], tuple(entry["shape"]), entry["kind"]
-    g = np.random.default_rng(zlib.crc32(name.encode())).standard_normal(shape)
-    if kind == "fan_in":
-        fan = shape[1] if name.endswith("global_pool.weight") else np.prod(shape[1:])
-        g = g / np.sqrt(fan)
-    elif kind == "A_log":
-        g = np.log(np.arange(1, 17)) + 0.05 * g
-    else:
-        offset, factor = {"gain": (1, 0.1), "bias": (0, 0.1), "dt_bias": (-4.6, 0.5), "zeros": (0, 0)}[kind]
-        g = offset + factor * g
-    return g.astype(np.float32)
-
-
-def _tensors(shared, spec, dtype):
-    modes = json.loads((shared / "golden/classifier/state_dict_spec.json").read_text())["modes"]
-    return {e["name"]: _draw(e).astype(dtype) for e in modes[spec]["tensors"] if e["kind"] != "buffer_sinusoid"}
-
-
 def _load(shared, case, dtype, monkeypatch):
     name, spec, mode, epsilon, _ = case
     golden = np.load(shared / f"golden/classifier/{name}.npz")
     # The stored table differs from ours in the last bit of float32; parity of later stages needs that bit.
     monkeypatch.setattr(mambasplat, "sinusoids", lambda length, width: jnp.asarray(golden["pe"]))
-    model = model_from_published(_tensors(shared, spec, dtype), published_config(mode, bias_epsilon=epsilon))
+    model = model_from_published(recipe_tensors(shared, spec, dtype), published_config(mode, bias_epsilon=epsilon))
     return golden, model
 
 
@@ -176,7 +155,7 @@ def test_gradient_of_every_tensor_matches(shared, x64, monkeypatch, case):
 
 
 def test_released_names_survive_a_round_trip_and_refuse_strangers(shared):
-    tensors = _tensors(shared, "X", np.float32)
+    tensors = recipe_tensors(shared, "X", np.float32)
     model = model_from_published({"_orig_mod." + name: value for name, value in tensors.items()}, published_config())
     again = published_tensors(model)
     used = {n for n in tensors if not n.startswith("bridge.") and not n.endswith("ln.beta")}
