@@ -19,6 +19,8 @@ REQUIRED = {
     "classify_folder": ("captures=captures",),
     "fit_gaussians": ("capture=capture",),
     "export_dataset": ("dataset=dataset", "format=[coco,yolo]", "out=out"),
+    "import_checkpoint": ("checkpoint=a.pt", "out=a.safetensors"),
+    "import_clips": ("source=source", "out=out"),
     "import_models": ("models=models.yaml",),
     "import_replicator": ("recording=recording", "out=out", "fps=30"),
 }
