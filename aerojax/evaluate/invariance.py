@@ -7,7 +7,7 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from aerojax.geometry.rotations import canonical_sign, normalise, quaternion_multiply
 
@@ -56,7 +56,7 @@ def drift_figures(
     }
 
 
-def axis_relabellings() -> tuple[Float[np.ndarray, "24 4"], np.ndarray]:
+def axis_relabellings() -> tuple[Float[np.ndarray, "24 4"], Int[np.ndarray, "24 3"]]:
     """The 24 proper rotations that permute and flip the axes: unit quaternions, and which scale each axis takes.
 
     An ellipsoid with quaternion q and scales s is also the one with q ⊗ q_k and s[order_k].
@@ -82,10 +82,11 @@ def axis_relabellings() -> tuple[Float[np.ndarray, "24 4"], np.ndarray]:
 
 
 def relabel_axes(
-    columns: Float[Array, "*batch 14"], quaternion: Float[Array, "4"], order: Array
-) -> Float[Array, "*batch 14"]:
-    """The same ellipsoids by another quaternion and order of scales, from `axis_relabellings`."""
+    columns: Float[Array, "*batch token 14"], quaternion: Float[Array, "token 4"], order: Int[Array, "token 3"]
+) -> Float[Array, "*batch token 14"]:
+    """The same ellipsoids by other quaternions and orders of scales, rows of `axis_relabellings`, one a token."""
     turn = jnp.broadcast_to(jnp.asarray(quaternion, columns.dtype), (*columns.shape[:-1], 4))
     turned = canonical_sign(quaternion_multiply(normalise(columns[..., 3:7]), turn))
-    scale = columns[..., 7:10][..., order]
+    place = jnp.broadcast_to(order, (*columns.shape[:-1], 3))
+    scale = jnp.take_along_axis(columns[..., 7:10], place, axis=-1)
     return jnp.concatenate([columns[..., :3], turned, scale, columns[..., 10:]], axis=-1)

@@ -1,0 +1,116 @@
+"""Measure how far logits drift under rotation, and under another quaternion of the same ellipsoid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from aerojax.classify.config import MambaSplatConfig, Mode, published_config
+from aerojax.classify.mambasplat import MambaSplat
+from experiments.classify import PRETRAINED
+from experiments.clip_windows import Windows, read_classifier, read_windows
+from experiments.drift_passes import relabelling_drift, rotation_drift
+from experiments.launch import Run, experiment, provenance, write_json
+from experiments.progress import progress_bar
+
+
+@dataclass(frozen=True)
+class Config:
+    """Which models, which clips, how many rotations.
+
+    model: weights, one file or several (as of several seeds); the shipped ones if there are neither these nor modes.
+    mode: modes of untrained models to measure besides, with `variant` and `lifting`, one model for each of `seeds`.
+    clips: folders of `reconstruct_dataset`; `count` clips of `split` are used, each by its first window.
+    frames, tokens: of a window.
+    rotations: of every clip in single precision; double: in double precision.
+    """
+
+    preset: str
+    seed: int
+    model: tuple[Path, ...]
+    mode: tuple[Mode, ...]
+    variant: Literal["exact", "published"]
+    lifting: Literal["covariance", "columns"]
+    seeds: tuple[int, ...]
+    clips: tuple[Path, ...]
+    split: str
+    count: int
+    frames: int
+    tokens: int
+    rotations: int
+    double: int
+
+
+def _models(config: Config) -> dict[str, MambaSplat]:
+    paths = config.model or (() if config.mode else (PRETRAINED,))
+    models = {str(path): read_classifier(path).model for path in paths}
+    for mode in config.mode:
+        exact = config.variant == "exact"
+        made = MambaSplatConfig(mode=mode, lifting=config.lifting) if exact else published_config(mode)
+        models |= {f"untrained {mode} {seed}": MambaSplat(made, key=jax.random.key(seed)) for seed in config.seeds}
+    return models
+
+
+def _clips(config: Config) -> Windows:
+    sizes = {"frames": config.frames, "length": config.frames, "stride": config.frames, "tokens": config.tokens}
+    every = read_windows(config.clips, config.split, **sizes)
+    first = every.one_a_video()
+    chosen = first[np.unique(np.linspace(0, len(first) - 1, config.count).round().astype(int))]
+    names = [(every.name[i], every.identity[i]) for i in chosen]
+    arrays = (every.columns[chosen], every.present[chosen], every.label[chosen], np.arange(len(chosen)))
+    return Windows(*arrays, tuple(n for n, _ in names), tuple(i for _, i in names))
+
+
+def _measure(model: MambaSplat, windows: Windows, config: Config) -> dict[str, Any]:
+    kind = {"mode": model.config.mode, "variant": model.config.variant, "lifting": model.config.lifting}
+    rotation = rotation_drift(model, windows, config.rotations, seed=config.seed)
+    double = rotation_drift(model, windows, config.double, seed=config.seed, double=True)
+    relabelling = relabelling_drift(model, windows, seed=config.seed)
+    return {**kind, "rotation": rotation, "rotation_double": double, "relabelling": relabelling}
+
+
+def _table(results: dict[str, dict[str, Any]]) -> Table:
+    table = Table(
+        "model", "mode", "Δ_max", "floor", "of std", "m_min", "flips", "verdict", "Δ f64", "Δ other q", "flips"
+    )
+    for name, row in results.items():
+        turn, other = row["rotation"], row["relabelling"]
+        relative = turn["relative_drift"]
+        table.add_row(
+            Path(name).name,
+            row["mode"],
+            f"{turn['largest_drift']:.1e}",
+            f"{turn['noise_floor']:.1e}",
+            "-" if relative is None else f"{relative:.1e}",
+            f"{turn['smallest_margin']:.2g}",
+            f"{turn['flips']}/{turn['passes']}",
+            turn["verdict"] + (", guaranteed" if turn["guaranteed"] else ""),
+            f"{row['rotation_double']['largest_drift']:.1e}",
+            f"{other['largest_drift']:.1e}",
+            f"{other['flips']}/{other['passes']}",
+        )
+    return table
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Write results.json and print a row a model."""
+    console, windows, results = Console(), _clips(config), {}
+    with progress_bar() as bar:
+        for name, model in bar.track(_models(config).items(), description=f"{len(windows.label)} clips"):
+            results[name] = _measure(model, windows, config)
+    console.print(_table(results))
+    command = " ".join(["python -m experiments.measure_drift", *run.overrides])
+    notes = {"clips": list(windows.name), "command": command, "seed": config.seed, **provenance(run.overrides)}
+    write_json(run.directory / "results.json", {"models": results, **notes})
+    console.print(str(run.directory / "results.json"), soft_wrap=True)
+
+
+if __name__ == "__main__":
+    main()
