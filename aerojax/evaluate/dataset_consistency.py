@@ -20,8 +20,8 @@ IOU_LIMIT, RESIDUAL_LIMIT = 0.95, 0.5
 WHOLE = 0.99  # least visibility of an object that nothing hides; its truth is rounded to samples of pixels
 FEW_PIXELS = 16  # covered area: coverage in steps of 1/9 leaves a centroid of so few pixels uncertain by about 0.1
 LOST_TIP, LOST_SHARE = 6.0, 0.2
-"""Pixels, or share of the box's longer side, that coverage may lack at an edge where parts are thinner than a third of a
-pixel, the distance of rays: tapering tips, and rotor blades seen edge-on, which are lost whole."""
+"""Pixels, or share of the box's longer side, that coverage may lack at an edge where parts are thinner than a third of
+a pixel, the distance of rays: tapering tips, and rotor blades seen edge-on, which are lost whole."""
 SIDES = (0.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, np.inf)
 """Bins of the shorter side of the projected box, pixels."""
 
@@ -29,7 +29,7 @@ BOX_CAUSES = {
     "occluded": f"less than {WHOLE:.0%} of the object is visible, so the mask shows a part of the projected box",
     "pixel grid": "every edge of the mask's box is within one pixel of the projected one: whole pixels around it",
     "mask threshold": "parts cover too little of a pixel for the mask, but the coverage image has them to within one",
-    "between samples": f"parts thinner than the distance of rays; coverage lacks at most {LOST_TIP:g} pixels or {LOST_SHARE:.0%}",
+    "between samples": f"parts thinner than the distance of rays: coverage lacks up to {LOST_TIP:g} pixels or {LOST_SHARE:.0%}",
     "unexplained": "none of the above",
 }
 RESIDUAL_CAUSES = {
