@@ -29,7 +29,7 @@ BOX_CAUSES = {
     "occluded": f"less than {WHOLE:.0%} of the object is visible, so the mask shows a part of the projected box",
     "pixel grid": "every edge of the mask's box is within one pixel of the projected one: whole pixels around it",
     "mask threshold": "parts cover too little of a pixel for the mask, but the coverage image has them to within one",
-    "between samples": f"parts thinner than rays lie apart; up to {LOST_TIP:g} pixels or {LOST_SHARE:.0%} lacks coverage",
+    "between samples": f"parts thinner than rays lie apart; up to {LOST_TIP:g} pixels or {LOST_SHARE:.0%} lacks it",
     "unexplained": "none of the above",
 }
 RESIDUAL_CAUSES = {
