@@ -56,7 +56,7 @@ def test_everything_is_written(dataset, monkeypatch, capsys):
     assert max(bird["mean"]) > 0.01  # wings beat by centimetres
     assert found["leakage"]["copies"] == found["leakage"]["shared_files"] == []
     page = (out / "description.html").read_text()
-    assert "Consistency of annotations" in page and "http" not in page and "<script" not in page
+    assert "Consistency of annotations" in page and "://" not in page and "<script" not in page
     assert "| sim1 | train | 1 | 4 | 8 |" in (out / "description.md").read_text()
     assert len(list((out / "figures").glob("*.svg"))) == 5 and len(list((out / "figures").glob("*.png"))) == 4
     assert "Leakage: none" in capsys.readouterr().out
