@@ -22,7 +22,6 @@ from aerojax.pipeline import PipelineConfig, frame_images
 from aerojax.reconstruct.fit import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.hull import hull_gaussians
 from aerojax.reconstruct.matte import matted_views
-from aerojax.reconstruct.solid import SolidConfig, solid_gaussians
 from experiments.held_out import measure, split_views
 from experiments.launch import Run, experiment, write_json
 from experiments.progress import progress_bar
@@ -51,7 +50,6 @@ class Config:
     sample: SampleConfig
     seed: int
     pipeline: PipelineConfig
-    solid: SolidConfig
     fit: GaussianFitConfig
 
 
@@ -62,8 +60,7 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
     fitting, held_out = split_views(seen, config.held_out)
     hull = hull_gaussians(fitting, config=config.pipeline.hull)
     matted = matted_views(capture, config.frame, seen.views, seen.valid, seen.boxes)
-    fog_views, _ = split_views(dataclasses.replace(seen, views=matted), config.held_out)
-    start = solid_gaussians(fitting, config=config.solid)
+    matted_fitting, _ = split_views(dataclasses.replace(seen, views=matted), config.held_out)
     began = time.perf_counter()
     with progress_bar() as bar:
         task = bar.add_task("fit", total=config.fit.steps)
@@ -72,7 +69,7 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
             bar.update(task, completed=done, description=f"loss {loss:.4f}")
 
         key = jax.random.key(config.seed)
-        fitted = fit_gaussians(start, fog_views, config=config.fit, key=key, report=report)
+        fitted = fit_gaussians(hull, matted_fitting, config=config.fit, key=key, report=report)
     results: dict[str, Any] = {"capture": capture.folder.name, "frame": config.frame, "gaussians": len(fitted.mean)}
     results |= {"fitting_views": len(fitting.mask), "held_out_views": 1, "crop_px": config.pipeline.crop_size}
     results |= {"steps": config.fit.steps, "seconds": time.perf_counter() - began}

@@ -7,13 +7,12 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from scipy.ndimage import gaussian_filter
 from splat_scenes import drawing, make_gaussians
 
-from aerojax.errors import UserError
 from aerojax.geometry.cameras import look_at
-from aerojax.reconstruct.fit import GaussianFitConfig, fit_gaussians
+from aerojax.reconstruct.fit import GaussianFitConfig, _move_idle, _State, fit_gaussians
+from aerojax.reconstruct.hull import HullConfig, hull_gaussians
 from aerojax.reconstruct.matte import apparent_opacity, estimated_opacity
 from aerojax.reconstruct.photometric import (
     backdrop_colour,
@@ -24,7 +23,6 @@ from aerojax.reconstruct.photometric import (
     structural_similarity,
     surround_psnr,
 )
-from aerojax.reconstruct.solid import SolidConfig, solid_gaussians
 from aerojax.types import Camera, View
 
 
@@ -124,29 +122,13 @@ def disc(camera):
     return 0.6 * mask[..., None] * jnp.ones(3), mask
 
 
-def test_the_fog_fills_the_hull():
-    """A ball's hull lies inside all the cones and holds the ball; its colour is the ball's; fewer on demand."""
-    views = circle_of_views(disc)
-    fog = solid_gaussians(views, config=SolidConfig(capacity=4000))
-    radius = np.linalg.norm(fog.mean, axis=-1)
-    assert 2000 < len(radius) <= 4000 and radius.max() < 0.7
-    # The ball's volume over a cell's.
-    cell = float(fog.scale[0, 0]) / 0.5
-    assert (radius < 0.38).sum() > 0.95 * (4 / 3 * np.pi * 0.38**3) / cell**3
-    np.testing.assert_allclose(fog.sh[radius < 0.3, 0] * 0.28209479 + 0.5, 0.6, atol=1e-3)
-    assert len(solid_gaussians(views, config=SolidConfig(capacity=500)).mean) <= 500
-    apart = dataclasses.replace(views, mask=views.mask.at[0].set(0.0))
-    with pytest.raises(UserError, match="silhouettes of the cameras do not meet"):
-        solid_gaussians(apart, config=SolidConfig(capacity=500))
-
-
 def test_the_shadow_term_takes_away_what_no_view_needs():
     """The hull of a ball from a circle of cameras has caps above and below; the term wears them down."""
     views = circle_of_views(disc)
-    start = solid_gaussians(views, config=SolidConfig(capacity=300))
+    start = hull_gaussians(views, config=HullConfig(grid=24, capacity=400))
     sums = []
     for weight in (0.0, 1.0):
-        config = GaussianFitConfig(steps=30, report_every=30, opacity_rate=0.1, shadow_weight=weight)
+        config = GaussianFitConfig(steps=30, report_every=30, opacity_rate=0.1, shadow_weight=weight, shadow_decay=1.0)
         fitted = fit_gaussians(start, views, config=config, key=jax.random.key(0))
         above = look_at(jnp.array([0.0, 0.01, 3.0]), jnp.zeros(3))
         camera = Camera(views.camera.K[:1], above[None], 32, 32)
@@ -175,3 +157,39 @@ def test_fit_recovers_colour_and_shape():
     assert [done for done, _ in losses] == [30, 60] and losses[-1][1] < losses[0][1]
     assert scores[1] > 22 and scores[1] > scores[0] + 6, scores
     np.testing.assert_allclose(jnp.linalg.norm(fitted.quaternion, axis=-1), 1.0, rtol=1e-5)
+
+
+def test_the_idle_become_halves_of_the_busy():
+    """Gaussian 2 is pulled most and 0 is invisible: 0 becomes 2's other half, and both stand where 2 stood."""
+    start = make_gaussians(1, 4, 1, np.float32, opacity=(0.5, 0.9), sigma=(0.1, 0.2))
+    fixed = {"mean": start.mean, "quaternion": start.quaternion, "scale": jnp.log(start.scale), "sh": start.sh}
+    free = fixed | {"opacity": jnp.array([-6.0, 1.0, 2.0, 0.0])}
+    state = _State(free, {"velocity": jnp.ones((4, 3)), "count": jnp.ones(())}, jnp.array([9.0, 1.0, 5.0, 2.0]))
+    moved = _move_idle(state, 1)
+    after = moved.free
+    np.testing.assert_allclose((after["mean"][0] + after["mean"][2]) / 2, start.mean[2], atol=1e-6)
+    longest = int(jnp.argmax(start.scale[2]))
+    apart = jnp.linalg.norm(after["mean"][0] - after["mean"][2])
+    np.testing.assert_allclose(apart, start.scale[2, longest], rtol=1e-5)
+    expected = start.scale[2].at[longest].multiply(0.6)
+    np.testing.assert_allclose(jnp.exp(after["scale"][jnp.array([0, 2])]), [expected, expected], rtol=1e-5)
+    for name in ("quaternion", "opacity", "sh"):
+        np.testing.assert_array_equal(after[name][0], free[name][2])
+    for name, x in free.items():
+        np.testing.assert_array_equal(after[name][jnp.array([1, 3])], x[jnp.array([1, 3])])
+    np.testing.assert_array_equal(moved.moments["velocity"][:, 0], [0.0, 1.0, 1.0, 1.0])
+    assert float(moved.moments["count"]) == 1 and not moved.pull.any()
+
+
+def test_no_gaussian_outgrows_the_limit():
+    """Few small Gaussians before a large disc want to grow; the limit holds them, a looser one lets them."""
+    views = circle_of_views(disc)
+    start = hull_gaussians(views, config=HullConfig(grid=24, capacity=60))
+    before = float(start.scale.max())
+    largest = []
+    for limit in (1.0, 3.0):
+        config = GaussianFitConfig(steps=12, report_every=4, scale_rate=0.1, largest=limit, shadow_weight=0.0)
+        fitted = fit_gaussians(start, views, config=config, key=jax.random.key(0))
+        largest.append(float(fitted.scale.max()) / before)
+    assert len(fitted.mean) == len(start.mean)
+    assert largest[0] <= 1.0001 and 1.2 < largest[1] <= 3.0001, largest
