@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from pathlib import Path
 
 import jax
@@ -44,8 +45,12 @@ class _Job:
     path: Path
 
 
-def make_clips(config: ClipsConfig, datasets: tuple[Path, ...], folder: Path, *, workers: int) -> dict[str, int]:
+def make_clips(
+    config: ClipsConfig, datasets: tuple[Path, ...], folder: Path, *, only: tuple[str, ...], workers: int
+) -> dict[str, int]:
     """Reconstruct every sequence that has no clip yet: `<folder>/<rig>/<split>/<sequence>.npz`.
+
+    `only` are patterns of sequence names, such as `sim1_*_r016_*`.
 
     A clip exists whole or not at all, and depends on its sequence and the seed alone, so a killed run goes on where it
     stopped and the number of workers changes nothing.
@@ -56,7 +61,12 @@ def make_clips(config: ClipsConfig, datasets: tuple[Path, ...], folder: Path, *,
     Raises:
         UserError: a data set is not complete, or the folder holds clips of another configuration.
     """
-    jobs = [job for dataset in datasets for job in _jobs(config, dataset, folder)]
+    everything = [job for dataset in datasets for job in _jobs(config, dataset, folder)]
+    jobs = [job for job in everything if any(fnmatch(job.path.stem, pattern) for pattern in only)]
+    if not jobs:
+        raise UserError(
+            f"only={list(only)} matches none of {len(everything)} sequences; their names are in dataset.json"
+        )
     _claim(folder, config)
     missing = [job for job in jobs if not job.path.exists()]
     failures = 0

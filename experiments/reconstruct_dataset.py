@@ -13,10 +13,11 @@ from experiments.launch import Run, experiment, write_json
 
 @dataclass(frozen=True, kw_only=True)
 class Config(ClipsConfig):
-    """Which data sets, and where their clips go."""
+    """Which data sets (`only` those sequences whose names match a pattern), and where their clips go."""
 
     preset: str
     datasets: tuple[Path, ...]
+    only: tuple[str, ...]
     folder: Path
     workers: int
 
@@ -25,7 +26,7 @@ class Config(ClipsConfig):
 def main(config: Config, run: Run) -> None:
     """Make the clips that are missing and say where they are."""
     plain = ClipsConfig(config.seed, config.tokens, config.pipeline)
-    counts = make_clips(plain, config.datasets, config.folder, workers=config.workers)
+    counts = make_clips(plain, config.datasets, config.folder, only=config.only, workers=config.workers)
     write_json(run.directory / "metrics.json", {"folder": str(config.folder), "clips": counts})
     Console().print(f"{config.folder}: {counts}")
 

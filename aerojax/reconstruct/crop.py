@@ -115,13 +115,21 @@ def crop_image(
         float32. Enlarged with cubic interpolation; where the crop is coarser than the image, the image is low-passed
         first so that thin rods do not fall between samples.
     """
-    corners = np.array([[0.0, 0.0, 1.0], [size, size, 1.0]]) @ np.linalg.inv(crop_from_image).T
+    corners = np.array([[0, 0, 1], [size, 0, 1], [0, size, 1], [size, size, 1]]) @ np.linalg.inv(crop_from_image).T
     corners = corners[:, :2] / corners[:, 2:]
-    shrink = float(np.max(corners[1] - corners[0])) / size
-    if shrink > 1.0:
-        image = cv2.GaussianBlur(image, (0, 0), 0.5 * float(np.sqrt(shrink * shrink - 1.0)) + 1e-3)
+    shrink = float(np.max(corners[3] - corners[0])) / size
+    blur = 0.5 * float(np.sqrt(shrink * shrink - 1.0)) + 1e-3 if shrink > 1.0 else 0.0
+    # Only what the crop can depend on is filtered: OpenCV's kernel reaches 4σ, the interpolation 2 pixels.
+    reach = int(np.ceil(4.0 * blur)) + 4
+    height, width = image.shape[:2]
+    x0, y0 = (int(v) for v in np.clip(np.floor(corners.min(axis=0)) - reach, 0, (width - 1, height - 1)))
+    x1, y1 = (int(v) for v in np.clip(np.ceil(corners.max(axis=0)) + reach, (x0 + 1, y0 + 1), (width, height)))
+    image = image[y0:y1, x0:x1]
+    if blur > 0.0:
+        image = cv2.GaussianBlur(image, (0, 0), blur)
+    # OpenCV's first pixel centre is (0, 0), ours (0.5, 0.5).
     half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
-    matrix = np.linalg.inv(half) @ crop_from_image @ half  # OpenCV's first pixel centre is (0, 0), ours (0.5, 0.5)
+    matrix = np.linalg.inv(half) @ crop_from_image @ half @ np.array([[1.0, 0, x0], [0, 1.0, y0], [0, 0, 1.0]])
     value = (outside,) * 4
     warped = cv2.warpPerspective(
         image, matrix, (size, size), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT, borderValue=value

@@ -19,6 +19,8 @@ def choose_object(masks: Iterable[Integer[np.ndarray, "height width"]], object_i
     totals = np.zeros(1, np.int64)
     for mask in masks:
         counts = np.bincount(mask.ravel(), minlength=len(totals))
+        if object_id is not None and 0 < object_id < len(counts) and counts[object_id]:
+            return object_id
         counts[: len(totals)] += totals
         totals = counts
     totals[0] = 0
@@ -28,7 +30,5 @@ def choose_object(masks: Iterable[Integer[np.ndarray, "height width"]], object_i
                 "object: every mask of the capture is empty; check the masks, or leave them out of the capture"
             )
         return int(np.argmax(totals))
-    if not 0 < object_id < len(totals) or totals[object_id] == 0:
-        present = ", ".join(str(i) for i in np.flatnonzero(totals)) or "none"
-        raise UserError(f"object={object_id} appears in no mask of the capture; present: {present}")
-    return object_id
+    present = ", ".join(str(i) for i in np.flatnonzero(totals)) or "none"
+    raise UserError(f"object={object_id} appears in no mask of the capture; present: {present}")
