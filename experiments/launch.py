@@ -10,6 +10,7 @@ if __name__ == "__main__":
 from __future__ import annotations
 
 import functools
+import importlib
 import importlib.metadata
 import inspect
 import json
@@ -75,6 +76,8 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
 
         @functools.wraps(act)
         def command() -> None:
+            if act.__module__ == "__main__":  # a name that other processes, to which launchers send the act, know too
+                return importlib.import_module(f"experiments.{name}").main()
             os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
             os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
             keep_compiled_code()
