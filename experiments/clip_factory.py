@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -107,6 +108,14 @@ def _claim(folder: Path, config: ClipsConfig) -> None:
         raise UserError(f"{path}: the folder holds clips of another configuration; choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
     write_json(path, plain)
+
+
+def pipeline_of(folder: Path) -> Any:
+    """How the clips of a folder were reconstructed, for the notes in a model's weights; None where it is not known."""
+    for place in (folder.parent, folder):
+        if (place / MANIFEST).is_file():
+            return json.loads((place / MANIFEST).read_text()).get("pipeline")
+    return None
 
 
 def _make_clip(job: _Job) -> str | None:

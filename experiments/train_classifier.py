@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from functools import partial
@@ -19,7 +18,7 @@ from aerojax.evaluate.labels import label_figures
 from aerojax.training.data import ClipSet, VariationConfig, epoch_order, vary_clip
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
 from aerojax.types import CLASSES
-from experiments.clip_factory import MANIFEST
+from experiments.clip_factory import pipeline_of
 from experiments.clip_reading import load_split, predict, test_figures
 from experiments.launch import Run, experiment, provenance, write_json
 from experiments.model_card import keep_model
@@ -101,8 +100,7 @@ def main(config: Config, run: Run) -> None:
     }
     write_json(run.directory / "metrics.json", results)
     reading = {"tokens": config.variation.tokens, "frames": config.variation.frames}
-    pipeline = json.loads((config.clips[0].parent / MANIFEST).read_text())["pipeline"]
-    notes = {"reading": reading, "pipeline": pipeline, "test": tests["all"], **origin}
+    notes = {"reading": reading, "pipeline": pipeline_of(config.clips[0]), "test": tests["all"], **origin}
     command = " ".join(["python -m experiments.train_classifier", *run.overrides])
     console.print(str(keep_model(run.directory, model, notes, results, command=command)), soft_wrap=True)
 
