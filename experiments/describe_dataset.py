@@ -63,7 +63,7 @@ def main(config: Config, run: Run) -> None:
     observations = _observations(entries, config)
     found = describe(entries, observations, [s.embedded for s in shapes], [s.motion for s in shapes])
     write_description(found, run.directory)
-    Console().print(summary(found), highlight=False)
+    Console().print(summary(found), highlight=False, soft_wrap=True)
     Console().print(str(run.directory / "description.html"), soft_wrap=True)
 
 
