@@ -125,7 +125,7 @@ def _make_clip(job: _Job) -> str | None:
         capture = read_capture(job.capture)
         clip = reconstruct_capture(capture, job.config.pipeline, key=jax.random.key(seed % 2**31), object_id=1)
     except UserError as error:
-        if "frames could be used" not in str(error):
+        if not any(words in str(error) for words in ("frames could be used", "appears in no mask")):
             raise
         return str(error)
     columns = np.asarray(clip.gaussians.columns())[:, : job.config.tokens]
