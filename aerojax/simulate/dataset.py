@@ -77,7 +77,8 @@ def draw_sequence(label: str, config: SequenceConfig, *, seed: int) -> SequenceP
     cameras = draw_rig(config.rigs[rng.integers(len(config.rigs))], origin, rng)
     if not config.depth:
         cameras = tuple(replace(c, depth=None) for c in cameras)
-    lighting, domes = _draw_light(config, len(cameras), rng)
+    lighting, skies = draw_dome_light(rng), draw_skies(len(cameras), rng)
+    domes = ((1.0, 1.0, 1.0),) * len(cameras) if config.white_dome else skies
     return SequencePlan(origin, flight, cameras, lighting, domes, phase=rng.uniform(0.0, 10.0))
 
 
@@ -101,13 +102,15 @@ def simulate_sequence(identity: Identity, config: SequenceConfig, *, seed: int, 
     return record_scene(scene, folder)[0]
 
 
-def _draw_light(
-    config: SequenceConfig, cameras: int, rng: np.random.Generator
-) -> tuple[Lighting, tuple[tuple[float, float, float], ...]]:
+def draw_dome_light(rng: np.random.Generator) -> Lighting:
+    """Sun and sky before a dome, in every direction and of every strength that a fair day has."""
     azimuth, elevation = rng.uniform(0, 2 * np.pi), np.deg2rad(rng.uniform(20, 80))
     flat = np.cos(elevation)
     sun = (float(flat * np.cos(azimuth)), float(flat * np.sin(azimuth)), float(np.sin(elevation)))
-    lighting = Lighting(sun, sun=rng.uniform(0.2, 0.7), sky=rng.uniform(0.35, 0.7), ground=rng.uniform(0.1, 0.4))
+    return Lighting(sun, sun=rng.uniform(0.2, 0.7), sky=rng.uniform(0.35, 0.7), ground=rng.uniform(0.1, 0.4))
+
+
+def draw_skies(cameras: int, rng: np.random.Generator) -> tuple[tuple[float, float, float], ...]:
+    """One sky colour a camera, sRGB."""
     skies = rng.uniform([0.45, 0.55, 0.65], [0.85, 0.9, 1.0], (cameras, 3))
-    domes = ((1.0, 1.0, 1.0) if config.white_dome else (float(s[0]), float(s[1]), float(s[2])) for s in skies)
-    return lighting, tuple(domes)
+    return tuple((s[0], s[1], s[2]) for s in skies.tolist())

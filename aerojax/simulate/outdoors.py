@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.simulate.rendering import pinhole
 from aerojax.simulate.sky import Daylight, SkyConfig, cloud_noise, daylight, sky_luminance, sun_disc
 from kernels.landscape import LandscapeCaster, LandscapeMesh, SurfaceBuffer
 from kernels.raytrace import Lighting, Pinhole, SceneCaster
@@ -101,7 +102,7 @@ class Outdoors:
         self, camera: CaptureCamera, time: float, caster: SceneCaster
     ) -> UInt8[np.ndarray, "height width 3"]:
         """The landscape as sRGB bytes, with the shadows of the posed objects."""
-        view = _pinhole(camera)
+        view = pinhole(camera)
         state = self._cameras.get(camera.name)
         if state is None or not _same(state.buffer.camera, view):
             buffer = self._caster.buffer(view, self._config.edge_samples)
@@ -193,11 +194,6 @@ class Outdoors:
             if window is not None:
                 found.append(window)
         return found
-
-
-def _pinhole(camera: CaptureCamera) -> Pinhole:
-    pose = camera.world_from_cam
-    return Pinhole(camera.K, pose[:3, :3], pose[:3, 3], camera.width, camera.height)
 
 
 def _same(one: Pinhole, other: Pinhole) -> bool:

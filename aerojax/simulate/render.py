@@ -14,10 +14,10 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from aerojax.capture.format import CaptureCamera
-from aerojax.simulate.rendering import NO_WINDOW, ImageConfig, ObjectView, Rendering, Window
+from aerojax.simulate.rendering import NO_WINDOW, ImageConfig, ObjectView, Rendering, Window, pinhole
 from aerojax.simulate.usd_scene import AnimatedMesh
 from kernels.footprint import CROSSED
-from kernels.raytrace import Colour, Hits, Lighting, Pinhole, SceneCaster, Surface
+from kernels.raytrace import Colour, Hits, Lighting, SceneCaster, Surface
 
 
 @runtime_checkable
@@ -99,12 +99,6 @@ def projected_box(points_world: Float[np.ndarray, "point 3"], camera: CaptureCam
     if np.isnan(pixels).any():
         return None
     return np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
-
-
-def pinhole(camera: CaptureCamera) -> Pinhole:
-    """The rays' view of a camera."""
-    pose = camera.world_from_cam
-    return Pinhole(camera.K, pose[:3, :3], pose[:3, 3], camera.width, camera.height)
 
 
 class SceneRenderer:

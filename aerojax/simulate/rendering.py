@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
+from aerojax.capture.format import CaptureCamera
+from kernels.raytrace import Pinhole
+
 Box = tuple[float, float, float, float]
 Window = tuple[int, int, int, int]
 NO_WINDOW: Window = (0, 0, 0, 0)
@@ -107,3 +110,9 @@ class Rendering:
         x0, y0, x1, y1 = self.window
         whole[y0:y1, x0:x1] = self.rgb
         return whole
+
+
+def pinhole(camera: CaptureCamera) -> Pinhole:
+    """The rays' view of a camera."""
+    pose = camera.world_from_cam
+    return Pinhole(camera.K, pose[:3, :3], pose[:3, 3], camera.width, camera.height)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -46,6 +46,34 @@ def look_at(centre: Float[np.ndarray, "3"], target: Float[np.ndarray, "3"]) -> F
     return pose
 
 
+def aimed_camera(
+    index: int, centre: Float[np.ndarray, "3"], target: Float[np.ndarray, "3"], *, focal: float, size: tuple[int, int]
+) -> CaptureCamera:
+    """Camera number `index` of a network, looking at `target` (metres, world), with a pattern for colour alone.
+
+    Args:
+        index: from 0; names the camera and its folder.
+        centre: of the camera, metres, world.
+        target: what the middle of the image shows.
+        focal: pixels, the same along both axes.
+        size: width and height of the image, pixels.
+    """
+    name, (width, height) = f"cam_{index + 1:02d}", size
+    return CaptureCamera(
+        name=name,
+        width=width,
+        height=height,
+        K=np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]]),
+        distortion_model="none",
+        distortion=(),
+        world_from_cam=look_at(centre, target),
+        rgb=f"{name}/rgb/{{frame:06d}}.png",
+        mask=None,
+        depth=None,
+        time_offset_s=0.0,
+    )
+
+
 def _directions(config: RigConfig, rng: np.random.Generator) -> Float[np.ndarray, "camera 3"]:
     """Unit vectors from the target to the cameras."""
     count = config.cameras
@@ -74,22 +102,11 @@ def draw_rig(config: RigConfig, target: Float[np.ndarray, "3"], rng: np.random.G
     """
     distance = rng.uniform(*config.distance)
     focal = distance * rng.uniform(*config.span_px)
-    intrinsics = np.array([[focal, 0.0, config.width / 2], [0.0, focal, config.height / 2], [0.0, 0.0, 1.0]])
-    cameras = []
-    for index, direction in enumerate(_directions(config, rng)):
-        name = f"cam_{index + 1:02d}"
-        camera = CaptureCamera(
-            name=name,
-            width=config.width,
-            height=config.height,
-            K=intrinsics,
-            distortion_model="none",
-            distortion=(),
-            world_from_cam=look_at(target + distance * direction, target),
-            rgb=f"{name}/rgb/{{frame:06d}}.png",
-            mask=f"{name}/mask/{{frame:06d}}.png",
-            depth=f"{name}/depth/{{frame:06d}}.tiff",
-            time_offset_s=0.0,
-        )
-        cameras.append(camera)
-    return tuple(cameras)
+    size = (config.width, config.height)
+    cameras = (
+        aimed_camera(index, target + distance * direction, target, focal=focal, size=size)
+        for index, direction in enumerate(_directions(config, rng))
+    )
+    return tuple(
+        replace(c, mask=f"{c.name}/mask/{{frame:06d}}.png", depth=f"{c.name}/depth/{{frame:06d}}.tiff") for c in cameras
+    )

@@ -40,19 +40,6 @@ def poses_of(flight: Flight, origin: Float[np.ndarray, "3"]) -> Float[np.ndarray
     return poses
 
 
-def author_scene(
-    path: Path,
-    asset: Path,
-    flight: Flight,
-    cameras: tuple[CaptureCamera, ...],
-    *,
-    fps: float,
-    origin: Float[np.ndarray, "3"],
-) -> None:
-    """Write the stage of a sequence with one object; see `author_stage`."""
-    author_stage(path, (StagedObject(asset, poses_of(flight, origin)),), cameras, fps=fps)
-
-
 def author_stage(
     path: Path,
     objects: Sequence[StagedObject],

@@ -15,7 +15,7 @@ from aerojax.capture.format import CaptureCamera
 from aerojax.errors import UserError
 from aerojax.simulate.assets.catalogue import Identity, build_identity
 from aerojax.simulate.campaign import CampaignConfig, FaultConfig, SequenceTask, cast_of, station_of
-from aerojax.simulate.dataset import sequence_seed
+from aerojax.simulate.dataset import draw_dome_light, draw_skies, sequence_seed
 from aerojax.simulate.flight import Flight, draw_flight
 from aerojax.simulate.outdoors import Outdoors
 from aerojax.simulate.record import Actor, ScenePlan, image_patterns
@@ -26,7 +26,6 @@ from aerojax.simulate.sensor import SensorConfig, draw_lighting, draw_sensor
 from aerojax.simulate.sky import SkyConfig
 from aerojax.simulate.stations import BODY_RADIUS, cameras_that_see, conditions, place_cameras
 from kernels.landscape import LandscapeCaster, LandscapeMesh
-from kernels.raytrace import Lighting
 
 _ATTEMPTS = 400
 _APART = 2.0  # metres between two objects' origins: twice their size
@@ -200,16 +199,12 @@ def _environment(
 ) -> tuple[Environment, LandscapeMesh | None]:
     if config.rig.environment == "outdoor":
         return _outdoors(task, config, cameras, rng)
-    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.deg2rad(rng.uniform(20, 80))
-    flat = np.cos(elevation)
-    sun = (float(flat * np.cos(azimuth)), float(flat * np.sin(azimuth)), float(np.sin(elevation)))
-    light = Lighting(sun, sun=rng.uniform(0.2, 0.7), sky=rng.uniform(0.35, 0.7), ground=rng.uniform(0.1, 0.4))
+    light = draw_dome_light(rng)
     if config.randomisation > 0:
         light = draw_lighting(light, config.randomisation, rng=rng)
     if config.rig.environment == "white":
         return Dome(light=light), None
-    skies = rng.uniform([0.45, 0.55, 0.65], [0.85, 0.9, 1.0], (len(cameras), 3))
-    by_camera = {c.name: (s[0], s[1], s[2]) for c, s in zip(cameras, skies.tolist(), strict=True)}
+    by_camera = dict(zip((c.name for c in cameras), draw_skies(len(cameras), rng), strict=True))
     return Dome(light=light, by_camera=by_camera), None
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.errors import UserError
-from aerojax.simulate.rigs import RigKind, look_at
+from aerojax.simulate.rigs import RigKind, aimed_camera
 
 BODY_RADIUS = 0.6
 """Metres around its origin that an object of 1 m fills, with the swing of wings."""
@@ -90,28 +90,11 @@ def conditions(config: StationConfig) -> tuple[Condition, ...]:
 
 def place_cameras(config: StationConfig, condition: Condition) -> tuple[CaptureCamera, ...]:
     """The cameras of one condition, with patterns for colour alone (`capture_patterns` adds the others)."""
-    aim = np.array(config.aim)
-    intrinsics = np.array(
-        [[config.focal_px, 0.0, config.width / 2], [0.0, config.focal_px, config.height / 2], [0, 0, 1]]
+    aim, size = np.array(config.aim), (config.width, config.height)
+    return tuple(
+        aimed_camera(index, centre, aim, focal=config.focal_px, size=size)
+        for index, centre in enumerate(_centres(config, condition))
     )
-    cameras = []
-    for index, centre in enumerate(_centres(config, condition)):
-        name = f"cam_{index + 1:02d}"
-        camera = CaptureCamera(
-            name=name,
-            width=config.width,
-            height=config.height,
-            K=intrinsics,
-            distortion_model="none",
-            distortion=(),
-            world_from_cam=look_at(centre, aim),
-            rgb=f"{name}/rgb/{{frame:06d}}.png",
-            mask=None,
-            depth=None,
-            time_offset_s=0.0,
-        )
-        cameras.append(camera)
-    return tuple(cameras)
 
 
 def _centres(config: StationConfig, condition: Condition) -> Float[np.ndarray, "camera 3"]:

@@ -46,6 +46,11 @@ def _placed(part: Part, middle: Float[np.ndarray, "3"], factor: float) -> Part:
     return replace(part, mesh=scaled(part.mesh, factor), spin=replace(part.spin, hub=(x, y, z)))
 
 
+def row_matrix(matrix: Float[np.ndarray, "4 4"]) -> Gf.Matrix4d:
+    """A transform of column vectors as USD has it, which multiplies row vectors."""
+    return Gf.Matrix4d(*matrix.T.reshape(-1).tolist())
+
+
 def write_stage(path: Path, cycle_seconds: float, fill: Callable[[Usd.Stage, Sdf.Path], None]) -> None:
     """Create a stage, let `fill` author under its default prim, save it and move it to `path` in one step."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -6,10 +6,10 @@ import hashlib
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from aerojax.errors import UserError
-from aerojax.simulate.assets.authoring import write_stage
+from aerojax.simulate.assets.authoring import row_matrix, write_stage
 from aerojax.simulate.assets.gltf_scene import load_gltf
 from aerojax.simulate.assets.imported_models import GLTF, WAVEFRONT, ImportedModel, body_from_file, described
 from aerojax.simulate.assets.imported_motion import at_speed, without_mirrors
@@ -94,18 +94,14 @@ def _place(stage: Usd.Stage, prim: Sdf.Path, model: ImportedModel, up: str) -> N
     turn = np.eye(4)
     turn[:3, :3] = body_from_file(model.forward, up)
     operation = UsdGeom.Xformable(stage.GetPrimAtPath(prim)).AddTransformOp()
-    operation.Set(_row_matrix(turn))
+    operation.Set(row_matrix(turn))
     stage.GetRootLayer().Save()
     found = survey(load_animated_mesh(Path(stage.GetRootLayer().realPath)))
     automatic = model.scale == "auto"
     factor = 1.0 / length_by_class(found, model.label, str(model.file)) if automatic else float(model.scale)
     turn[:3] *= factor
     turn[:3, 3] = -factor * middle(found)
-    operation.Set(_row_matrix(turn))
-
-
-def _row_matrix(matrix: np.ndarray) -> Gf.Matrix4d:
-    return Gf.Matrix4d(*matrix.T.reshape(-1).tolist())
+    operation.Set(row_matrix(turn))
 
 
 def _sign(stage: Usd.Stage, model: ImportedModel, digest: str) -> None:

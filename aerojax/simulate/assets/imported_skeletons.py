@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
-from aerojax.simulate.assets.authoring import TIME_CODES_PER_SECOND
+from aerojax.simulate.assets.authoring import TIME_CODES_PER_SECOND, row_matrix
 from aerojax.simulate.assets.imported_motion import key_times, values_at
 from aerojax.simulate.assets.imported_scene import ImportedScene, Node, Quantity, Skin, Surface
 
@@ -93,11 +93,11 @@ def write_skeleton(
     skeleton = UsdSkel.Skeleton.Define(stage, path)
     skeleton.CreateJointsAttr(list(bones.paths))
     rest = [local_matrix(scene.nodes[joint]) for joint in bones.joints]
-    skeleton.CreateRestTransformsAttr([_row_matrix(m) for m in rest])
+    skeleton.CreateRestTransformsAttr([row_matrix(m) for m in rest])
     bind = _chained(scene, bones, rest)
     for joint, matrix in zip(skin.joints, skin.joint_from_mesh, strict=True):
         bind[bones.joints.index(joint)] = np.linalg.inv(matrix)
-    skeleton.CreateBindTransformsAttr([_row_matrix(m) for m in bind])
+    skeleton.CreateBindTransformsAttr([row_matrix(m) for m in bind])
     animation = UsdSkel.Animation.Define(stage, path.AppendChild("clip"))
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     animation.CreateJointsAttr(list(bones.paths))
@@ -118,10 +118,6 @@ def write_morph_driver(
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
     _write_morph_weights(animation, scene, morphed)
     return skeleton
-
-
-def _row_matrix(matrix: Float[np.ndarray, "4 4"]) -> Gf.Matrix4d:
-    return Gf.Matrix4d(*matrix.T.reshape(-1).tolist())
 
 
 def _chained(scene: ImportedScene, bones: Bones, rest: list[np.ndarray]) -> list[np.ndarray]:
