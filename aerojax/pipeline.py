@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.capture.format import Capture
 from aerojax.capture.images import read_mask, read_rgb
+from aerojax.classify.lifting import normalise_published
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.errors import UserError
 from aerojax.gaussians.decimate import DecimationConfig, decimate
@@ -288,7 +289,7 @@ def probabilities_so_far(
     Frames are described once and every prefix is read out; only the clip's scale is known from all frames at once.
 
     Args:
-        model: an exact-variant classifier.
+        model: either variant; the published one's frames are normalised here, whole, as its authors' are.
         columns: attributes of decimated Gaussians, metres, world frame, in random order within a frame.
         present: frames that are real; all if None.
         tokens: how many of each frame's Gaussians one reading sees, as in training.
@@ -298,6 +299,8 @@ def probabilities_so_far(
     size = min(tokens, columns.shape[1])
     time = jnp.arange(columns.shape[0])
     real = jnp.ones(columns.shape[0], bool) if present is None else present
+    if model.config.variant == "published":
+        columns = jax.vmap(normalise_published)(columns)
 
     def read(group: Float[Array, "time some 14"]) -> Float[Array, "time label"]:
         features, valid = model.frame_features(group, jnp.broadcast_to(real[:, None], group.shape[:2]))

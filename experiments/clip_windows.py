@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Int
 
-from aerojax.classify.lifting import normalise_published
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.classify.predict import video_vote, window_starts
 from aerojax.classify.weights import load_metadata, load_weights
@@ -104,8 +103,6 @@ def _read(
     def one(clip: tuple[Array, ...]) -> Array:
         columns, present, quaternion, order = clip
         columns = rotate_clip(columns, quaternion)[order]
-        if model.config.variant == "published":
-            columns = jax.vmap(normalise_published)(columns)
         return probabilities_so_far(model, columns, present[order], tokens=tokens, readings=readings)
 
     return jax.lax.map(one, (columns, present, quaternion, order), batch_size=16)

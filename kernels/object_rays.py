@@ -2,7 +2,8 @@
 
 One thread a pixel. Every object's rays run in a frame whose origin lies near that object, so that float32 keeps
 sub-millimetre depth from kilometres away, wherever the other objects are. A static mesh (scenery) may stand in front of
-the objects and shade them. Where `supersampled` is false the pixel is known to be covered wholly (see `footprint`).
+the objects and shade them. Each pixel has a number of rays of its own: few where it is known to be covered wholly
+(see `footprint`), many where the object is small.
 """
 
 from __future__ import annotations
@@ -14,8 +15,6 @@ import warp as wp
 
 from kernels.textures import sampling_function
 
-INTERIOR_SAMPLES = 2
-"""Rays along a side of a pixel that no silhouette crosses: four smooth texture and colour borders."""
 SHADOW_OFFSET = 1e-3
 """Metres from a surface to the start of its shadow ray: below the thinnest part, above float32 noise."""
 
@@ -182,7 +181,7 @@ def object_kernel() -> Any:
     @wp.kernel
     def _cast(
         pixels: wp.array(dtype=int),
-        supersampled: wp.array(dtype=wp.uint8),
+        samples: wp.array(dtype=int),
         view: View,
         light: Light,
         surfaces: Surfaces,
@@ -192,6 +191,7 @@ def object_kernel() -> Any:
         alone_out: wp.array2d(dtype=int),
         points_out: wp.array2d(dtype=wp.vec3),
         depths_out: wp.array2d(dtype=float),
+        reach_out: wp.array2d(dtype=wp.vec4),
         depth_out: wp.array(dtype=float),
         normal_out: wp.array(dtype=wp.vec3),
         hit_out: wp.array(dtype=wp.vec3i),
@@ -200,14 +200,13 @@ def object_kernel() -> Any:
         tid = wp.tid()
         x = float(pixels[tid] % view.width)
         y = float(pixels[tid] // view.width)
-        n = view.samples
-        if supersampled[tid] == wp.uint8(0):
-            n = wp.min(n, INTERIOR_SAMPLES)
+        n = samples[tid]
         for k in range(view.count):
             visible_out[tid, k] = 0
             alone_out[tid, k] = 0
             points_out[tid, k] = wp.vec3(0.0, 0.0, 0.0)
             depths_out[tid, k] = 0.0
+            reach_out[tid, k] = wp.vec4(1.0, 1.0, 0.0, 0.0)
         total = wp.vec3(0.0, 0.0, 0.0)
         hits = wp.int32(0)
         for i in range(n):
@@ -225,6 +224,13 @@ def object_kernel() -> Any:
                     visible_out[tid, best] = visible_out[tid, best] + 1
                     points_out[tid, best] = points_out[tid, best] + point
                     depths_out[tid, best] = depths_out[tid, best] + depth
+                    reach = reach_out[tid, best]
+                    reach_out[tid, best] = wp.vec4(
+                        wp.min(reach[0], float(j) / float(n)),
+                        wp.min(reach[1], float(i) / float(n)),
+                        wp.max(reach[2], float(j + 1) / float(n)),
+                        wp.max(reach[3], float(i + 1) / float(n)),
+                    )
                     hits += 1
         colour_out[tid] = total / float(wp.max(hits, 1))
         rays_out[tid] = n * n

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from kernels.footprint import CROSSED, footprint_kernel, neighbours
+from kernels.footprint import footprint_kernel, neighbours
 from kernels.object_rays import Light, Surfaces, View, object_kernel
 from kernels.textures import build_pyramids, linear_of_byte
 
@@ -75,6 +75,7 @@ class Hits:
     visible, alone: samples that show an object, and that would if it were the only thing (pixel, object).
     points: sum of the visible points, world frame relative to each object's origin (pixel, object, 3).
     depths: sum of the visible depths, metres (pixel, object).
+    reach: part of the pixel that the visible samples fill, x0 y0 x1 y1 in 0..1, empty without any (pixel, object, 4).
     depth: of the ray through the pixel's centre, 0 where it meets no object.
     normal: world frame, towards the camera, at the centre or the sample nearest to it; zero without a hit.
     object, face, barycentric: of the same point; weights belong to the face's first two corners.
@@ -88,6 +89,7 @@ class Hits:
     alone: np.ndarray
     points: np.ndarray
     depths: np.ndarray
+    reach: np.ndarray
     depth: np.ndarray
     normal: np.ndarray
     object: np.ndarray
@@ -195,29 +197,40 @@ class SceneCaster:
         wp.launch(footprint_kernel(), dim=count, inputs=arguments, outputs=[marks], device=self._device)
         return marks.numpy()
 
-    def cast(self, camera: Pinhole, pixels: np.ndarray, marks: np.ndarray, *, lighting: Lighting, samples: int) -> Hits:
-        """Cast `samples`² rays a pixel marked CROSSED (fewer elsewhere) and one through its centre."""
+    def cast(
+        self, camera: Pinhole, pixels: np.ndarray, samples: np.ndarray, *, lighting: Lighting, texture_samples: int
+    ) -> Hits:
+        """Cast rays through pixels.
+
+        Args:
+            camera: of the pixels.
+            pixels: row * width + column (pixel).
+            samples: rays along each side of every pixel (pixel); one more goes through its centre.
+            lighting: of the scene.
+            texture_samples: rays a side that textures are filtered for.
+        """
         count, objects = len(pixels), len(self._meshes)
         kernel = object_kernel()
-        kinds = [wp.vec3, wp.int32, wp.int32, wp.int32, wp.vec3, wp.float32, wp.float32, wp.vec3, wp.vec3i, wp.vec2]
-        shapes: list[Any] = [count, count, *[(count, objects)] * 4, count, count, count, count]
-        outputs = [wp.empty(s, dtype=k, device=self._device) for s, k in zip(shapes, kinds, strict=True)]
+        both = (count, objects)
+        layout: list[Any] = [(count, wp.vec3), (count, wp.int32)]  # colour, rays
+        layout += [(both, k) for k in (wp.int32, wp.int32, wp.vec3, wp.float32, wp.vec4)]  # visible .. reach
+        layout += [(count, k) for k in (wp.float32, wp.vec3, wp.vec3i, wp.vec2)]  # depth .. barycentric
+        outputs = [wp.empty(shape, dtype=kind, device=self._device) for shape, kind in layout]
         relative = camera.centre - self._origins
         self._surfaces.centres = self._array(relative.astype(np.float32), wp.vec3)
         self._surfaces.radii = self._array(self._radii, wp.float32)
-        crossed = marks == CROSSED
         inputs = [
             self._array(pixels.astype(np.int32), wp.int32),
-            self._array((crossed | (self._scenery is not None)).astype(np.uint8), wp.uint8),
-            self._view(camera, samples),
+            self._array(samples.astype(np.int32), wp.int32),
+            self._view(camera, texture_samples),
             _light(lighting),
             self._surfaces,
         ]
         wp.launch(kernel, dim=count, inputs=inputs, outputs=outputs, device=self._device)
-        colour, rays, visible, alone, points, depths, depth, normal, hit, weights = (o.numpy() for o in outputs)
+        colour, rays, visible, alone, points, depths, reach, depth, normal, hit, weights = (o.numpy() for o in outputs)
         # Points are relative to the object's own frame; sums stay exact because the frame is near.
         return Hits(
-            pixels, colour, rays, visible, alone, points, depths, depth, normal,
+            pixels, colour, rays, visible, alone, points, depths, reach, depth, normal,
             object=hit[:, 0], face=hit[:, 1], barycentric=weights, winner=hit[:, 2],
         )  # fmt: skip
 

@@ -38,6 +38,7 @@ class ObjectState:
     visible: by camera name; a camera that is absent does not see the object.
     truncated: by camera name, whether the object reaches beyond the image.
     visibility: by camera name, visible pixels over the pixels that the object would have alone, 0..1.
+    visible_box: by camera name, around what is visible, to a fraction of a pixel.
     projected_box: by camera name, x0 y0 x1 y1 of the projected vertices, not clipped to the image.
     surface_centroid: by camera name, mean of the visible surface points weighted by coverage, metres, world frame.
     joints: by name, the skeleton's pose.
@@ -50,6 +51,7 @@ class ObjectState:
     visible: Mapping[str, bool]
     truncated: Mapping[str, bool] = field(default_factory=dict)
     visibility: Mapping[str, float] = field(default_factory=dict)
+    visible_box: Mapping[str, Box] = field(default_factory=dict)
     projected_box: Mapping[str, Box] = field(default_factory=dict)
     surface_centroid: Mapping[str, Point] = field(default_factory=dict)
     joints: Mapping[str, JointPose] = field(default_factory=dict)
@@ -100,6 +102,7 @@ def _state_from_json(raw: dict[str, Any]) -> ObjectState:
         visible=dict(raw["visible"]),
         truncated=dict(raw.get("truncated", {})),
         visibility={camera: float(share) for camera, share in raw.get("visibility", {}).items()},
+        visible_box=_four_each(raw.get("visible_box", {})),
         projected_box=_four_each(raw.get("projected_box", {})),
         surface_centroid={camera: _point(p) for camera, p in raw.get("surface_centroid", {}).items()},
         joints={
@@ -123,7 +126,7 @@ def _four_each(values: dict[str, list[Any]]) -> dict[str, Box]:
     return {camera: _four(box) for camera, box in values.items()}
 
 
-_OPTIONAL = ("truncated", "visibility", "projected_box", "surface_centroid", "joints")
+_OPTIONAL = ("truncated", "visibility", "visible_box", "projected_box", "surface_centroid", "joints")
 
 
 def truth_to_json(truth: Truth) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from aerojax.capture.findings import Findings, is_finite_number, shown
 
-OPTIONAL_STATE = ("truncated", "visibility", "projected_box", "surface_centroid", "joints")
+OPTIONAL_STATE = ("truncated", "visibility", "visible_box", "projected_box", "surface_centroid", "joints")
 
 
 def by_camera(value: Any, field: str, cameras: list[str], found: Findings) -> bool:
@@ -45,7 +45,7 @@ def check_quaternion(value: Any, field: str, found: Findings) -> None:
 
 
 def check_seen(state: dict[str, Any], where: str, cameras: list[str], found: Findings) -> None:
-    """The optional fields by camera: `truncated`, `visibility`, `projected_box` and `surface_centroid`."""
+    """The optional fields by camera: `truncated`, `visibility`, both boxes and `surface_centroid`."""
     values = {key: state[key] for key in OPTIONAL_STATE if key != "joints" and key in state}
     values = {key: value for key, value in values.items() if by_camera(value, f"{where}.{key}", cameras, found)}
     for camera, flag in values.get("truncated", {}).items():
@@ -54,7 +54,8 @@ def check_seen(state: dict[str, Any], where: str, cameras: list[str], found: Fin
         if not is_finite_number(share) or not 0 <= share <= 1:
             field = f"{where}.visibility.{shown(camera)[1:-1]}"
             found.add(field, f"must be a number from 0 to 1, is {shown(share)}", "write visible over all pixels")
-    check_corners(values.get("projected_box", {}), f"{where}.projected_box", found)
+    for name in ("visible_box", "projected_box"):
+        check_corners(values.get(name, {}), f"{where}.{name}", found)
     for camera, point in values.get("surface_centroid", {}).items():
         found.numbers(point, f"{where}.surface_centroid.{shown(camera)[1:-1]}", 3)
 

@@ -30,7 +30,8 @@ class Observations:
     distance: from the camera's centre to the body's origin, metres. focal: pixels.
     truncated, visibility, projected_box: of the truth.
     area: pixels of the mask on disk; covered: area with the shares of pixels, from the coverage image.
-    mask_box: tight box of the mask on disk. covered_box: sub-pixel box of the coverage.
+    mask_box: tight box of the mask on disk. covered_box: sub-pixel box of what is visible, from the truth where it is
+        told, else from the coverage image.
     centroid: mean of the silhouette's pixels by coverage (of the mask's pixels where there is no coverage image).
     depth_centroid: the same with each pixel weighted by its depth besides.
     surface_pixel, origin_pixel: projections of the truth's `surface_centroid` and of the body's origin.
@@ -119,6 +120,8 @@ def _observe(capture: Capture, camera: CaptureCamera, number: int, frame: int, d
         others = [box for t, box in boxes.items() if t != tracked]
         truth = _told(state, camera) | {"tracked": tracked, "label": CLASSES.index(item.class_name)}
         seen = _measured(mask, coverage, z, item.object_id, boxes[tracked], others)
+        if camera.name in state.visible_box:
+            seen["covered_box"] = np.array(state.visible_box[camera.name])
         rows.append({"frame": frame, "camera": number, **truth, **seen})
     return rows
 

@@ -190,6 +190,7 @@ def check(config: CampaignConfig) -> None:
         (config.frames < 1, f"frames is {config.frames}; a sequence needs at least 1"),
         (config.fps <= 0, f"fps is {config.fps:g}; it must be positive"),
         (config.images.samples < 1, f"images.samples is {config.images.samples}; use 1 or more"),
+        (config.images.rays_across < 0, f"images.rays_across is {config.images.rays_across}; use 0 or more"),
         (rig.station is None and not rig.rigs, f"rig {rig.name} has neither a station nor rigs; give one of them"),
         (set(config.classes) - set(CLASSES), f"classes has {list(config.classes)}; use {', '.join(CLASSES)}"),
         (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),

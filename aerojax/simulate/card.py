@@ -45,9 +45,10 @@ _FIELDS = """| file | content |
 
 World: right-handed, metres, +Z up. Camera: +x right, +y down, +z forward; the centre of the top-left pixel is at
 (0.5, 0.5). Body: nose +X, up +Z, size normalised to 1 m, so that size is no cue. Quaternions are w, x, y, z.
-`bbox` is the tight box of the mask, `projected_box` that of the projected mesh and reaches beyond the image where the
-object does; `visibility` is the visible share of what would show if the object were alone. Frames in which fewer
-cameras than asked for see the object are listed in `frames_below_min_cameras`."""
+`bbox` is the tight box of the mask, `visible_box` that of what is visible, to a fraction of a pixel, `projected_box`
+that of the projected mesh, which reaches beyond the image where the object does; `visibility` is the visible share of
+what would show if the object were alone. Frames in which fewer cameras than asked for see the object are listed in
+`frames_below_min_cameras`."""
 
 
 def readme_text(manifest: Mapping[str, Any]) -> str:

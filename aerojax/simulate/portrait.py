@@ -9,8 +9,10 @@ from jaxtyping import Float, UInt8
 
 from aerojax.simulate.assets.textures import linear_from_srgb
 from aerojax.simulate.render import srgb_from_linear
+from aerojax.simulate.rendering import INTERIOR_SAMPLES
 from aerojax.simulate.rigs import look_at
 from aerojax.simulate.usd_scene import AnimatedMesh
+from kernels.footprint import CROSSED
 from kernels.raytrace import Lighting, Pinhole, SceneCaster, Surface
 
 DISTANCE = 6.0
@@ -76,7 +78,8 @@ class Sitter:
         camera = Pinhole(intrinsics, pose[:3, :3], centre, width, height)
         marks = self._caster.footprint(0, camera, (0, 0, width, height)).ravel()
         pixels = np.flatnonzero(marks)
-        hits = self._caster.cast(camera, pixels, marks[pixels], lighting=lighting, samples=samples)
+        rays = np.where(marks[pixels] == CROSSED, samples, min(samples, INTERIOR_SAMPLES))
+        hits = self._caster.cast(camera, pixels, rays, lighting=lighting, texture_samples=samples)
         linear, coverage = np.zeros((height * width, 3)), np.zeros(height * width)
         linear[pixels] = hits.colour
         coverage[pixels] = hits.visible[:, 0] / np.maximum(hits.rays, 1)

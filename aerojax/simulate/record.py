@@ -277,6 +277,7 @@ def _with_views(state: ObjectState, seen: Mapping[str, ObjectView]) -> ObjectSta
         visible={name: view.box is not None for name, view in seen.items()},
         truncated={name: view.truncated for name, view in seen.items()},
         visibility={name: min(1.0, view.visibility) for name, view in seen.items()},
+        visible_box={name: view.visible_box for name, view in seen.items() if view.visible_box is not None},
         projected_box={name: view.projected_box for name, view in seen.items() if view.projected_box is not None},
         surface_centroid={n: view.surface_centroid for n, view in seen.items() if view.surface_centroid is not None},
     )

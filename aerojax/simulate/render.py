@@ -11,10 +11,20 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from aerojax.capture.format import CaptureCamera
-from aerojax.simulate.rendering import NO_WINDOW, ImageConfig, ObjectView, Rendering, Window, pinhole
+from aerojax.simulate.rendering import (
+    INTERIOR_SAMPLES,
+    MOST_SAMPLES,
+    NO_WINDOW,
+    Box,
+    ImageConfig,
+    ObjectView,
+    Rendering,
+    Window,
+    pinhole,
+)
 from aerojax.simulate.usd_scene import AnimatedMesh
 from kernels.footprint import CROSSED
 from kernels.raytrace import Colour, Hits, Lighting, SceneCaster, Surface
@@ -154,15 +164,15 @@ class SceneRenderer:
         hits = None
         if found is not None:
             hits = self._caster.cast(
-                pinhole(camera), *found, lighting=self._environment.lighting(time), samples=self._config.samples
+                pinhole(camera), *found, lighting=self._environment.lighting(time), texture_samples=self._config.samples
             )
         return self._assembled(camera, ids, boxes, background, hits, time)
 
     def _candidates(
         self, camera: CaptureCamera, boxes: list[np.ndarray | None]
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """Pixels (row·width + column, ascending) that any object may touch, and their marks."""
-        pixels, marks = [], []
+        """Pixels (row·width + column, ascending) that any object may touch, and rays along a side of each."""
+        pixels, samples = [], []
         for index, box in enumerate(boxes):
             window = self._window(index, box, camera)
             if window is None:
@@ -173,15 +183,22 @@ class SceneRenderer:
                 marked = self._caster.footprint(index, pinhole(camera), window)
             rows, columns = np.nonzero(marked)
             pixels.append((rows + window[1]) * camera.width + columns + window[0])
-            marks.append(marked[rows, columns])
+            samples.append(self._samples(box, marked[rows, columns]))
         if not pixels or not sum(map(len, pixels)):
             return None
         if len(pixels) == 1:
-            return pixels[0], marks[0]
+            return pixels[0], samples[0]
         joined, inverse = np.unique(np.concatenate(pixels), return_inverse=True)
         most = np.zeros(len(joined), np.int32)
-        np.maximum.at(most, inverse, np.concatenate(marks))
+        np.maximum.at(most, inverse, np.concatenate(samples))
         return joined, most
+
+    def _samples(self, box: np.ndarray | None, marks: np.ndarray) -> Int[np.ndarray, "pixel"]:
+        """Rays along a side of the pixels of one object; behind scenery's edges, which no mark knows, as at its own."""
+        least, side = self._config.samples, np.inf if box is None else max(box[2] - box[0], box[3] - box[1])
+        fine = int(np.clip(np.ceil(self._config.rays_across / max(side, 1.0)), least, max(least, MOST_SAMPLES)))
+        inside = least if self._environment.scenery is not None else min(least, INTERIOR_SAMPLES)
+        return np.where(marks == CROSSED, fine, inside).astype(np.int32)
 
     def _window(self, index: int, box: np.ndarray | None, camera: CaptureCamera) -> Window | None:
         """Whole pixels that an object can touch, inside the image; the whole image where it passes the camera."""
@@ -320,7 +337,7 @@ def _object_view(
     outside = box is None or bool((box[:2] < 0).any() or box[2] > camera.width or box[3] > camera.height)
     exact = None if box is None else (float(box[0]), float(box[1]), float(box[2]), float(box[3]))
     if hits is None:
-        return ObjectView(object_id, None, exact, 0.0, outside, None)
+        return ObjectView(object_id, None, None, exact, 0.0, outside, None)
     mine = hits.pixels[mask == object_id]
     tight = None
     if len(mine):
@@ -333,4 +350,16 @@ def _object_view(
     if total > 0:
         mean = (hits.points[:, index] / hits.rays[:, None]).sum(axis=0, dtype=np.float64) / total + origin
         centroid = (float(mean[0]), float(mean[1]), float(mean[2]))
-    return ObjectView(object_id, tight, exact, total / alone if alone > 0 else 0.0, outside, centroid)
+    visibility, seen = total / alone if alone > 0 else 0.0, _visible_box(hits, index, camera.width)
+    return ObjectView(object_id, tight, seen, exact, visibility, outside, centroid)
+
+
+def _visible_box(hits: Hits, index: int, width: int) -> Box | None:
+    seen = hits.visible[:, index] > 0
+    if not seen.any():
+        return None
+    rows, columns = np.divmod(hits.pixels[seen], width)
+    part = hits.reach[seen, index].astype(np.float64)
+    low = (columns + part[:, 0]).min(), (rows + part[:, 1]).min()
+    high = (columns + part[:, 2]).max(), (rows + part[:, 3]).max()
+    return (float(low[0]), float(low[1]), float(high[0]), float(high[1]))

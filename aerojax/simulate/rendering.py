@@ -15,17 +15,26 @@ Window = tuple[int, int, int, int]
 NO_WINDOW: Window = (0, 0, 0, 0)
 
 
+MOST_SAMPLES = 12
+"""Rays along a side of a pixel, at most."""
+INTERIOR_SAMPLES = 2
+"""Rays along a side of a pixel that no silhouette crosses: four smooth texture and colour borders."""
+
+
 @dataclass(frozen=True)
 class ImageConfig:
     """What is rendered.
 
-    samples: rays along each side of a pixel at silhouettes.
+    samples: least rays along each side of a pixel at silhouettes.
+    rays_across: so many along an object's longer side in the image, up to `MOST_SAMPLES` a pixel's side: what is small
+        costs little, and a pixel is much of it.
     depth, normals, flow, coverage: which of these a `Rendering` holds (flow needs the next poses too).
     mask_threshold: least visible coverage of a mask pixel; below one half, because a rotor blade or wing tip seldom
         fills half a pixel.
     """
 
     samples: int = 3
+    rays_across: int = 384
     depth: bool = True
     normals: bool = False
     flow: bool = False
@@ -39,6 +48,7 @@ class ObjectView:
 
     object_id: its value in the mask.
     box: tight around its mask, x0 y0 x1 y1, ends exclusive; None where the mask has none of it.
+    visible_box: around its visible samples, so to a fraction of a pixel; None where none shows it.
     projected_box: of all its posed vertices, pixels, not clipped; None where any is behind the camera.
     visibility: visible coverage over its coverage if it were alone, both inside the image, 0..1.
     truncated: part of it lies outside the image (or behind the camera).
@@ -47,6 +57,7 @@ class ObjectView:
 
     object_id: int
     box: Box | None
+    visible_box: Box | None
     projected_box: Box | None
     visibility: float
     truncated: bool

@@ -170,7 +170,7 @@ def compare(
     """
     condition = next(c for c in conditions(station) if c.radius == case.radius)
     cameras = place_cameras(station, condition)
-    config = ImageConfig(samples=round(SAMPLES**0.5))
+    config = ImageConfig(samples=round(SAMPLES**0.5), rays_across=0)
     renderer = SceneRenderer((mesh,), Dome(LIGHT), config)
     images, _, _ = ours(renderer, cameras, 0)
     views = [view_of(camera, image) for camera, image in zip(cameras, images, strict=True)]

@@ -13,6 +13,7 @@ from clip_examples import logits_of, random_clip
 
 from aerojax.classify.config import MambaSplatConfig, published_config
 from aerojax.classify.cost import published_operations
+from aerojax.classify.lifting import normalise_published
 from aerojax.classify.mamba import MambaMixer, MambaStack, MambaState, sinusoids
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.classify.predict import classify_next, classify_video, video_vote, window_starts
@@ -20,6 +21,7 @@ from aerojax.classify.vector_neurons import clip_to_half_space, mix_channels
 from aerojax.classify.weights import CONFIG_KEY, load_metadata, load_weights, save_weights
 from aerojax.config import to_dataclass
 from aerojax.errors import UserError
+from aerojax.pipeline import probabilities_so_far
 
 SMALL = MambaSplatConfig(depth=1, mamba_layers=2, d_model=32, token_features=8, scale_normalisation="frame")
 
@@ -193,3 +195,13 @@ def test_configurations_that_contradict_themselves_are_refused():
 )
 def test_operations_are_those_of_the_thesis(mode, frames, tokens, billions, digits):
     assert round(published_operations(published_config(mode), frames, tokens) / 1e9, digits) == billions
+
+
+def test_published_weights_are_read_as_their_authors_prepare_them():
+    small = {"depth": 1, "mamba_layers": 1, "d_model": 32, "token_features": 8}
+    model = MambaSplat(published_config("X", **small), key=jax.random.key(0))
+    columns = random_clip(3, time=2, tokens=16)
+    prepared = jax.vmap(normalise_published)(columns)
+    expected = jax.nn.softmax(model(prepared, jnp.ones(columns.shape[:2], bool)))
+    read = probabilities_so_far(model, columns, tokens=16)
+    np.testing.assert_allclose(read[-1], expected, atol=1e-6)

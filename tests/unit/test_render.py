@@ -10,12 +10,12 @@ from usd_examples import define_quad, define_textured_material, open_stage, writ
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.simulate.render import Dome, SceneRenderer
-from aerojax.simulate.rendering import ImageConfig
+from aerojax.simulate.rendering import MOST_SAMPLES, ImageConfig
 from aerojax.simulate.usd_scene import load_animated_mesh
 from kernels.raytrace import Lighting
 
 FLAT = Lighting(sun=0.0, sky=1.0, ground=1.0)
-EVERYTHING = ImageConfig(samples=4, normals=True, flow=True)
+EVERYTHING = ImageConfig(samples=4, rays_across=0, normals=True, flow=True)
 LOOK_ALONG_X = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
 
 
@@ -79,6 +79,22 @@ def test_coverage_is_exact_to_a_sample(solids):
     across = covered(200, 100 - (0.5 + 0.013) * scale, 100 + (0.5 - 0.013) * scale)
     down = covered(160, 80 - (0.5 + 0.021) * scale, 80 + (0.5 - 0.021) * scale)
     np.testing.assert_allclose(coverage, np.outer(down, across), atol=1e-6)
+
+
+@pytest.mark.parametrize("distance", [20.0, 80.0, 180.0])
+def test_what_is_visible_has_a_box_to_a_fraction_of_a_pixel(solids, distance):
+    # Of cubes from 20 to 2 pixels, away from the axis; the box of whole pixels is off by up to one.
+    place = (0.0, 0.03 * distance, 0.01 * distance)
+    view = rendered(solids[:1], [place], ImageConfig(), view=camera(distance)).objects[0]
+    np.testing.assert_allclose(view.visible_box, view.projected_box, atol=0.5 / MOST_SAMPLES + 1e-3)
+    coarse = rendered(solids[:1], [place], ImageConfig(samples=1, rays_across=0), view=camera(distance)).objects[0]
+    assert coarse.visible_box == coarse.box
+
+
+def test_the_visible_box_ends_where_another_object_begins(solids):
+    hidden, near = rendered((solids[0],) * 2, [(10.0, 0.0, 0.0), (0.0, -0.5, 0.0)], ImageConfig()).objects
+    assert hidden.visible_box[2] == pytest.approx(100.0, abs=0.2) and hidden.projected_box[2] > 110
+    assert near.visible_box == pytest.approx(near.projected_box, abs=0.2)
 
 
 def test_a_sphere_has_its_outline_depth_and_normals(solids):
