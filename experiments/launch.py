@@ -36,6 +36,8 @@ from aerojax.errors import UserError
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 CONF_DIR = REPOSITORY / "conf"
+RECORD = "run.json"
+"""Where a run's directory holds its configuration and origin."""
 _PACKAGES = ("jax", "jaxlib", "flax", "optax", "warp-lang", "usd-core", "opencv-python-headless", "numpy")
 
 _Config = TypeVar("_Config")
@@ -50,11 +52,19 @@ class Run:
     overrides: tuple[str, ...]
 
 
-def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run], None]], Callable[[], None]]:
+def experiment(
+    config_type: type[_Config], *, finished_by: str | None = None, ignoring: tuple[str, ...] = ()
+) -> Callable[[Callable[[_Config, Run], None]], Callable[[], None]]:
     """Make `main(config, run)` a command line: `python -m experiments.<name> [key=value …] [-m] [--help]`.
 
     The configuration is `conf/<name>.yaml`, converted once and strictly to `config_type`. A `UserError` ends the
     process with code 2 and its message alone; any other exception is a bug and keeps its traceback.
+
+    Args:
+        config_type: what `main` takes.
+        finished_by: the file that `main` writes last. A run whose directory holds it already is not run again, so a
+            sweep that was killed goes on where it stopped; see `is_finished`.
+        ignoring: first-level keys that say how a run computes and not what; another value of them is the same run.
     """
 
     def decorate(act: Callable[[_Config, Run], None]) -> Callable[[], None]:
@@ -67,7 +77,9 @@ def experiment(config_type: type[_Config]) -> Callable[[Callable[[_Config, Run],
                 settings = HydraConfig.get()
                 directory = Path(settings.runtime.output_dir)
                 run = Run(directory=directory, name=name, overrides=tuple(settings.overrides.task))
-                write_json(directory / "run.json", {**provenance(run.overrides), "experiment": name, "config": values})
+                if finished_by is not None and is_finished(directory, finished_by, values, ignoring):
+                    return print(f"{directory} is finished; delete {finished_by} in it to run it again")
+                write_json(directory / RECORD, {**provenance(run.overrides), "experiment": name, "config": values})
                 act(config, run)
             except (UserError, OmegaConfBaseException) as error:
                 if HydraConfig.get().mode == RunMode.MULTIRUN:
@@ -100,6 +112,27 @@ def keep_compiled_code() -> None:
     """Let JAX reuse compiled programs from one process to the next (`JAX_COMPILATION_CACHE_DIR` says where)."""
     default = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "aerojax" / "xla"
     jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(default)))
+
+
+def is_finished(directory: Path, result: str, values: Any, ignoring: tuple[str, ...] = ()) -> bool:
+    """Whether a run with this configuration has left its last file, `result`, in its directory.
+
+    Raises:
+        UserError: a run with another configuration has left files there, which this one would take for its own.
+    """
+    record = directory / RECORD
+    if not record.is_file():
+        return False
+    begun, known = json.loads(record.read_text())["config"], json.loads(json.dumps(values))
+    differing = sorted(k for k in {*begun, *known} - set(ignoring) if begun.get(k) != known.get(k))
+    if not differing:
+        return (directory / result).is_file()
+    if any(path.name not in (RECORD, "hydra") for path in directory.iterdir()):
+        raise UserError(
+            f"{directory} holds a run with another configuration ({', '.join(differing)} in {RECORD}); delete it, or "
+            "choose another directory with hydra.run.dir, or hydra.sweep.dir for a sweep"
+        )
+    return False
 
 
 def _refuse(error: Exception) -> NoReturn:

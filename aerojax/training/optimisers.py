@@ -16,6 +16,8 @@ class OptimiserConfig:
     learning_rate: peak.
     warmup: share of all steps with a linear rise.
     final: learning rate at the end over the peak.
+    plateaus: over how many equal parts of the run the rate stays what it is at the part's beginning, as the released
+        code keeps it through each of its 50 epochs; 0 changes it with every step.
     weight_decay, beta1, beta2: of AdamW.
     clip_norm: global norm at which gradients are cut.
     """
@@ -23,6 +25,7 @@ class OptimiserConfig:
     learning_rate: float = 1e-3
     warmup: float = 0.06
     final: float = 1e-3
+    plateaus: int = 0
     weight_decay: float = 0.05
     beta1: float = 0.9
     beta2: float = 0.95
@@ -36,7 +39,7 @@ def decays(parameters: Any) -> Any:
     the stacked vectors.
     """
 
-    def one(path: tuple[Any, ...], leaf: jax.Array) -> bool:
+    def one(path: tuple[Any, ...], leaf: jax.Array | jax.ShapeDtypeStruct) -> bool:
         names = [str(getattr(p, "key", getattr(p, "name", getattr(p, "idx", "")))) for p in path]
         stacked = any(name in ("blocks", "layers") for name in names)
         if any(name in ("A_log", "a_log", "D", "d_skip", "skip") for name in names):
@@ -46,17 +49,28 @@ def decays(parameters: Any) -> Any:
     return jax.tree_util.tree_map_with_path(one, parameters)
 
 
-def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
-    """The optimiser for a run of `steps` updates."""
-    warmup = max(1, round(config.warmup * steps))
-    schedule = optax.warmup_cosine_decay_schedule(
+def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
+    """Linear warm-up from a hundredth of the peak, then half a cosine to `final` times the peak, by step."""
+    length = config.plateaus or steps
+    warmup = max(1, round(config.warmup * length))
+    rate = optax.warmup_cosine_decay_schedule(
         init_value=config.learning_rate * 0.01,
         peak_value=config.learning_rate,
         warmup_steps=warmup,
-        decay_steps=max(steps, warmup + 1),
+        decay_steps=max(length, warmup + 1),
         end_value=config.learning_rate * config.final,
     )
+    if not config.plateaus:
+        return rate
+    # Division first: the product of a step and a number of plateaus may not fit 32 bits.
+    width = max(steps // config.plateaus, 1)
+    return lambda step: rate(step // width)
+
+
+def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
+    """The optimiser for a run of `steps` updates."""
+    rate = learning_rate(config, steps)
     return optax.chain(
         optax.clip_by_global_norm(config.clip_norm),
-        optax.adamw(schedule, b1=config.beta1, b2=config.beta2, weight_decay=config.weight_decay, mask=decays),
+        optax.adamw(rate, b1=config.beta1, b2=config.beta2, weight_decay=config.weight_decay, mask=decays),
     )

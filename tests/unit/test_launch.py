@@ -9,8 +9,9 @@ import sys
 import pytest
 from command_line import run_command
 
+from aerojax.errors import UserError
 from experiments import classify, launch
-from experiments.launch import REPOSITORY, provenance, write_json
+from experiments.launch import REPOSITORY, is_finished, provenance, write_json
 
 
 def process(*arguments):
@@ -96,3 +97,17 @@ def test_help_names_presets_and_values():
     assert done.stdout.startswith("python -m experiments.classify [key=value ...]")
     assert "preset=smoke|small|full" in done.stdout
     assert "crop_size: 128" in done.stdout and "capture: null" in done.stdout
+
+
+def test_a_run_is_finished_by_its_last_file_and_its_configuration(tmp_path):
+    config = {"seed": 0, "folders": ("a", "b"), "distribution": {"process": 0}}
+    assert not is_finished(tmp_path / "absent", "metrics.json", config)
+    write_json(tmp_path / "run.json", {"config": config})
+    (tmp_path / "hydra").mkdir()
+    assert not is_finished(tmp_path, "metrics.json", config)
+    assert not is_finished(tmp_path, "metrics.json", config | {"seed": 1})  # that run left nothing behind
+    write_json(tmp_path / "metrics.json", {})
+    assert is_finished(tmp_path, "metrics.json", config)
+    assert is_finished(tmp_path, "metrics.json", config | {"distribution": {"process": 1}}, ("distribution",))
+    with pytest.raises(UserError, match=r"another configuration \(distribution, seed in run\.json\); delete it"):
+        is_finished(tmp_path, "metrics.json", config | {"seed": 1, "distribution": {"process": 1}})
