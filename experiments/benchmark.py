@@ -7,6 +7,7 @@ import json
 import os
 import platform
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,14 @@ def measure(sections: list[str]) -> dict[str, Any]:
         "jax": jax.__version__,
         "python": platform.python_version(),
     }
-    measured = {name: importlib.import_module(f"experiments.benchmarks.{name}").measure() for name in sections}
+    measured: dict[str, Any] = {}
+    for name in sections:
+        print(f"{name} …", file=sys.stderr, flush=True)
+        try:
+            measured[name] = importlib.import_module(f"experiments.benchmarks.{name}").measure()
+        except Exception as error:  # the other sections' minutes are not lost with it
+            traceback.print_exc()
+            measured[name] = f"failed: {error}"
     return {"machine": machine, **measured}
 
 
@@ -36,7 +44,9 @@ def main() -> None:
     if unknown:
         print(f"error: unknown section {', '.join(unknown)}; sections are {', '.join(SECTIONS)}", file=sys.stderr)
         sys.exit(2)
-    print(json.dumps(measure(sections), indent=2))
+    measured = measure(sections)
+    print(json.dumps(measured, indent=2))
+    sys.exit(any(str(part).startswith("failed: ") for part in measured.values()))
 
 
 if __name__ == "__main__":

@@ -23,9 +23,9 @@ class FrameExtras:
     coverage: 255 = the pixel is covered whole. normal: unit, world frame, 0 = none. flow: pixels right and down.
     """
 
-    coverage: UInt8[np.ndarray, "height width"] | None = None
-    normal: Float[np.ndarray, "height width 3"] | None = None
-    flow: Float32[np.ndarray, "height width 2"] | None = None
+    coverage: UInt8[np.ndarray, "rows columns"] | None = None
+    normal: Float[np.ndarray, "rows columns 3"] | None = None
+    flow: Float32[np.ndarray, "rows columns 2"] | None = None
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ def write_frame(
     camera: CaptureCamera,
     frame: int,
     rgb: UInt8[np.ndarray, "height width 3"] | Float[np.ndarray, "height width 3"],
-    mask: UInt16[np.ndarray, "height width"] | None = None,
-    depth: Float32[np.ndarray, "height width"] | None = None,
+    mask: UInt16[np.ndarray, "rows columns"] | None = None,
+    depth: Float32[np.ndarray, "rows columns"] | None = None,
     *,
     extra: FrameExtras | None = None,
     placement: Placement | None = None,

@@ -1,4 +1,4 @@
-"""The data set generator: images a second by rig and preset, where time goes, what cost grows with, and Cycles."""
+"""The data set generator: images a second by rig and preset, where time goes, and what cost grows with."""
 
 from __future__ import annotations
 
@@ -27,7 +27,6 @@ from aerojax.simulate.render import Dome, SceneRenderer
 from aerojax.simulate.rendering import ImageConfig
 from aerojax.simulate.stations import Condition, StationConfig, conditions, place_cameras
 from aerojax.simulate.usd_scene import load_animated_mesh
-from experiments.benchmarks import _cycles
 from experiments.generate_dataset import Config, plain
 from experiments.launch import CONF_DIR
 from experiments.worker_pool import run_jobs
@@ -254,6 +253,5 @@ def measure() -> dict[str, Any]:
         "throughput": [throughput(rig, preset, 4 if rig == "sim1" else 2) for rig in RIGS for preset in PRESETS],
         "two_workers": [two_workers(rig, "small", 2) for rig in RIGS],
         "growth": growth(station, identities("test")[0]),
-        "cycles": _cycles.measure(station),
         "load_average_at_the_end": os.getloadavg()[0],
     }

@@ -24,14 +24,16 @@ from aerojax.simulate.render import Dome, SceneRenderer, linear_from_srgb, srgb_
 from aerojax.simulate.rendering import ImageConfig, Rendering
 from aerojax.simulate.stations import StationConfig, conditions, place_cameras
 from aerojax.simulate.usd_scene import AnimatedMesh, load_animated_mesh
+from experiments.benchmarks.simulator import campaign
 from kernels.raytrace import Lighting
 
 MISSING = "not measured: install .[bench], or name a Python that has bpy in BLENDER_PYTHON"
 SAMPLES = 16
 LIGHT = Lighting(shadows=True)
 REPEATS = 5
+RADII = (4, 16, 64)
 SECONDS_BETWEEN_POSES = 0.1
-_WORKER = Path(__file__).with_name("_cycles_worker.py")
+_WORKER = Path(__file__).with_name("_blender_worker.py")
 _ANSWER = "cycles-answer "
 
 
@@ -210,10 +212,10 @@ def _ratio(times: dict[str, list[float]], other: str, clock: str) -> float:
     return round(float(np.median([theirs / own for theirs, own in pairs])), 2)
 
 
-def measure(station: StationConfig, radii: tuple[float, ...] = (4, 16, 64)) -> dict[str, Any] | str:
+def measure() -> dict[str, Any] | str:
     """One test identity a class at several radii of Sim-1; a sentence where there is no Blender."""
-    python = blender_python()
-    if python is None:
+    python, station = blender_python(), campaign("sim1", "full").rig.station
+    if python is None or station is None:
         return MISSING
     rows, version = [], ""
     with tempfile.TemporaryDirectory() as name:
@@ -223,7 +225,7 @@ def measure(station: StationConfig, radii: tuple[float, ...] = (4, 16, 64)) -> d
             export_scene(mesh, folder)
             with open_cycles(python, folder, 1) as one, open_cycles(python, folder, 2) as two:
                 version = one.version
-                rows += [compare(Case(identity, radius), station, one, two, mesh, folder) for radius in radii]
+                rows += [compare(Case(identity, radius), station, one, two, mesh, folder) for radius in RADII]
     keys = [key for key in rows[0] if key.startswith("times_faster")]
     return {
         "blender": version,

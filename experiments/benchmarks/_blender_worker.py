@@ -1,8 +1,8 @@
 """Renders a posed mesh with Blender Cycles on request: a script for a Python that has `bpy`, without aerojax.
 
-    python _cycles_worker.py FOLDER THREADS
+    python _blender_worker.py FOLDER THREADS
 
-FOLDER holds `scene.npz`, `texture.png` and `light.json`, written by `_cycles.export_scene`. Requests are JSON lines on
+FOLDER holds `scene.npz`, `texture.png` and `light.json`, written by `blender.export_scene`. Requests are JSON lines on
 standard input, answers are lines on standard output that begin with `ANSWER`, because Blender itself writes there too.
 """
 
@@ -122,8 +122,9 @@ def place(scene: Any, camera: Any, view: dict[str, Any]) -> None:
     render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
     x0, y0, x1, y1 = view["window"]
     render.use_border = render.use_crop_to_border = True
-    render.border_min_x, render.border_max_x = x0 / width, x1 / width
-    render.border_min_y, render.border_max_y = 1.0 - y1 / height, 1.0 - y0 / height
+    inside = 0.25  # of a pixel: Blender cuts fractions off, and shares in float32 lie on either side of a whole pixel
+    render.border_min_x, render.border_max_x = (x0 + inside) / width, (x1 + inside) / width
+    render.border_min_y, render.border_max_y = (height - y1 + inside) / height, (height - y0 + inside) / height
 
 
 def answer(request: dict[str, Any], folder: Path, stage: tuple[Any, Any, np.ndarray]) -> dict[str, float]:
