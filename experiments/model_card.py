@@ -20,7 +20,8 @@ def keep_model(
     weights = directory / "weights.safetensors"
     save_weights(weights, model, metadata={name: json.dumps(value) for name, value in notes.items()})
     size = sum(leaf.size for leaf in jax.tree.leaves(model))
-    card = model_card(f"MambaSplat-4D E({model.config.mode})", results, command=command, parameters=size)
+    name = f"MambaSplat-4D E({model.config.mode}), {model.config.variant} variant"
+    card = model_card(name, results, command=command, parameters=size)
     weights.with_suffix(".md").write_text(card)
     return weights
 
@@ -43,14 +44,16 @@ def model_card(name: str, results: dict[str, Any], *, command: str, parameters: 
     lines = [
         f"# {name}",
         "",
-        f"MambaSplat-4D classifier, exact variant, {parameters:,} parameters; input: clips of visual-hull Gaussians.",
+        f"Classifier of clips of Gaussians, {parameters:,} parameters.",
         f"Made by `{command}`",
         f"(seed {results['seed']}, commit {results['commit']})",
         f"in {results['minutes']:.0f} minutes on {machine['cpus']} CPU cores.",
-        "Trained on simulated identities only. Licence: Apache-2.0.",
+        f"Trained on clips of {', '.join(results['clips'])}, {_turned(results['trained']['variation']['rotation'])}.",
+        f"Read as windows of {results['reading']['frames']} frames with {results['reading']['tokens']} tokens each.",
+        "Licence: Apache-2.0.",
         "",
-        f"Test on {test['clips']} clips of {results['test_identities']} simulated identities, of families that",
-        f"training never saw: accuracy {_share(test['accuracy'])}, macro-F1 {_share(test['macro_f1'])}.",
+        f"Test on {test['clips']} clips of {results['test_identities']} identities that training never saw:",
+        f"accuracy {_share(test['accuracy'])}, macro-F1 {_share(test['macro_f1'])}.",
         "",
         "| class | recall |",
         "|---|---|",
@@ -61,6 +64,14 @@ def model_card(name: str, results: dict[str, Any], *, command: str, parameters: 
         *confusion,
     ]
     return "\n".join(lines) + "\n"
+
+
+def _turned(rotation: str) -> str:
+    return {
+        "none": "never turned",
+        "z": "each turned about +Z at random in every epoch",
+        "so3": "each turned at random in every epoch (uniformly over SO(3))",
+    }[rotation]
 
 
 def _share(value: float | None) -> str:

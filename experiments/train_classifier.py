@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 from rich.console import Console
 
 from aerojax.classify.config import MambaSplatConfig
 from aerojax.classify.mambasplat import MambaSplat
-from aerojax.evaluate.labels import label_figures
-from aerojax.training.data import ClipSet, VariationConfig, epoch_order, vary_clip
-from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
+from aerojax.config import to_mapping
+from aerojax.training.data import VariationConfig
+from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
+from aerojax.training.loop import TrainingConfig, fit
 from aerojax.types import CLASSES
+from experiments.classifier_task import ClipTask
 from experiments.clip_factory import pipeline_of
-from experiments.clip_reading import load_split, predict, test_figures
+from experiments.clip_reading import load_split, test_figures
 from experiments.launch import Run, experiment, provenance, write_json
 from experiments.model_card import keep_model
-from experiments.progress import progress_bar
+from experiments.training_screen import training_screen
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,8 @@ class Config:
     clips: folders of `reconstruct_dataset`, one a rig, each with train/, val/ and test/.
     also_test: further folders of which only test/ is used.
     frames: clips are cut or padded to so many.
+    tensorboard: write curves to `curves/` of the run's directory.
+    distribution: the processes that train together; each needs a run directory of its own.
     """
 
     preset: str
@@ -42,67 +44,61 @@ class Config:
     model: MambaSplatConfig
     variation: VariationConfig
     training: TrainingConfig
+    tensorboard: bool = False
+    distribution: DistributionConfig = field(default_factory=DistributionConfig)
 
 
-def _task(config: Config, train: ClipSet, val: ClipSet, report: Any) -> Fit:
-    def loss(model: MambaSplat, batch: Any, key: jax.Array) -> jax.Array:
-        columns, present, label = batch
-        vary, drop = jax.random.split(key)
-        one = partial(vary_clip, config=config.variation)
-        clips, mask = jax.vmap(lambda c, p, k: one(c, p, key=k))(columns, present, jax.random.split(vary, len(label)))
-        logits = jax.vmap(lambda c, m, k: model(c, m, key=k))(clips, mask, jax.random.split(drop, len(label)))
-        return jnp.mean(smoothed_cross_entropy(logits, label, config.training.label_smoothing))
-
-    def batches(epoch: int) -> Any:
-        for index in epoch_order(len(train.label), config.training.batch, seed=config.seed, epoch=epoch):
-            yield train.columns[index], train.present[index], train.label[index]
-
-    def validate(model: MambaSplat) -> dict[str, float]:
-        figures = label_figures(predict(model, val, config.variation.tokens), val.label)
-        # Accuracy of a few dozen clips is coarse; the likelihood breaks its ties.
-        return {
-            "accuracy": figures["accuracy"],
-            "nll": figures["nll"],
-            "score": figures["accuracy"] - 0.1 * figures["nll"],
-        }
-
-    return Fit(loss, batches, len(train.label) // config.training.batch, validate, report)
+def train(config: Config, run: Run) -> None:
+    """Train, test, and write weights with their card and `metrics.json`; of several processes the first one writes."""
+    join_processes(config.distribution)
+    model, results = _train_and_test(config, run)
+    if is_first_process():
+        Console().print(str(_keep(config, run, model, results)), soft_wrap=True)
 
 
-@experiment(Config)
-def main(config: Config, run: Run) -> None:
-    """Train, test, and write weights with their card."""
-    console, start = Console(), time.perf_counter()
-    train, val = (load_split(config.clips, split, config.frames) for split in ("train", "val"))
-    console.print(f"clips: {len(train.label)} train, {len(val.label)} val")
+def _train_and_test(config: Config, run: Run) -> tuple[MambaSplat, dict[str, Any]]:
+    """The best model and what `metrics.json` says of it."""
+    console, start = Console(quiet=not is_first_process()), time.perf_counter()
+    clips, val = (load_split(config.clips, split, config.frames) for split in ("train", "val"))
+    console.print(f"clips: {len(clips.label)} train, {len(val.label)} val")
     model = MambaSplat(config.model, key=jax.random.key(config.seed))
-    with progress_bar() as bar:
-        epochs = bar.add_task("epochs", total=config.training.epochs)
-
-        def report(row: dict[str, float]) -> None:
-            bar.update(epochs, completed=row["epoch"])
-            console.print("  ".join(f"{name} {value:.4g}" for name, value in row.items()))
-
-        task = _task(config, train, val, report)
-        model = fit(model, task, config.training, seed=config.seed, directory=run.directory)
-    tests = test_figures(model, config.clips, config.also_test, frames=config.frames, tokens=config.variation.tokens)
-    minutes = (time.perf_counter() - start) / 60
+    task = ClipTask(clips, val, config.variation, config.training, config.seed)
+    curves = run.directory / "curves" if config.tensorboard else None
+    with training_screen(config.training, task.steps_per_epoch, curves=curves) as screen:
+        todo = task.fit_task(model, screen.watch, screen.report)
+        model = fit(model, todo, config.training, seed=config.seed, directory=run.directory)
+    tokens = config.variation.tokens
+    tests = test_figures(model, config.clips, config.also_test, frames=config.frames, tokens=tokens)
     for name, figures in tests.items():
         console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
-    origin = {**provenance(run.overrides), "seed": config.seed, "minutes": minutes}
-    origin["test_identities"] = tests["all"]["identities"]
-    results = {
+    return model, {
         "test": tests["all"],
         "tests": tests,
+        "test_identities": tests["all"]["identities"],
         "classes": CLASSES,
         "clips": list(map(str, config.clips)),
-        **origin,
+        "reading": {"tokens": tokens, "frames": config.variation.frames, "rotation": config.variation.rotation},
+        "trained": {name: to_mapping(getattr(config, name)) for name in ("model", "variation", "training")},
+        "seed": config.seed,
+        "minutes": (time.perf_counter() - start) / 60,
+        **provenance(run.overrides),
     }
+
+
+def _keep(config: Config, run: Run, model: MambaSplat, results: dict[str, Any]) -> Path:
+    """Write the weights with their card, and last of all `metrics.json`; return the weights' path."""
+    notes = {name: value for name, value in results.items() if name not in ("tests", "classes")}
+    notes["pipeline"] = pipeline_of(config.clips[0])
+    command = " ".join([f"python -m experiments.{run.name}", *run.overrides])
+    weights = keep_model(run.directory, model, notes, results, command=command)
     write_json(run.directory / "metrics.json", results)
-    reading = {"tokens": config.variation.tokens, "frames": config.variation.frames}
-    notes = {"reading": reading, "pipeline": pipeline_of(config.clips[0]), "test": tests["all"], **origin}
-    command = " ".join(["python -m experiments.train_classifier", *run.overrides])
-    console.print(str(keep_model(run.directory, model, notes, results, command=command)), soft_wrap=True)
+    return weights
+
+
+@experiment(Config, finished_by="metrics.json")
+def main(config: Config, run: Run) -> None:
+    """Train, test, and write weights with their card."""
+    train(config, run)
 
 
 if __name__ == "__main__":

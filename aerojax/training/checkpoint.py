@@ -1,10 +1,12 @@
 """Checkpoints by orbax, wrapped so that its changing interface touches one file.
 
-A state is saved as its leaves in order, with no classes inside; restoring needs a state of the same structure.
+A state is saved as its leaves in order, with no classes inside; restoring needs a state of the same structure. Leaves
+of one type lie behind each other in one array, because orbax takes a millisecond for an array of whatever size.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import Any, TypeVar
@@ -16,14 +18,22 @@ import orbax.checkpoint as ocp
 from aerojax.errors import UserError
 
 _State = TypeVar("_State")
+_SHAPES = "shapes"
 
 
 def save_state(folder: Path, step: int, state: Any) -> None:
-    """Write `state` as checkpoint `step` and remove older ones; a kill leaves the older one whole."""
-    leaves = {f"{index:05d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(state))}
+    """Write `state` as checkpoint `step` and remove older ones; a kill leaves the older one whole.
+
+    One process calls it, also where several train together.
+    """
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(state)]
+    arrays = {kind: np.concatenate([leaf.ravel() for leaf in same]) for kind, same in _by_type(leaves).items()}
+    arrays[_SHAPES] = np.frombuffer(_shapes(leaves).encode(), np.uint8)
     folder.mkdir(parents=True, exist_ok=True)
-    with ocp.PyTreeCheckpointer() as writer:
-        writer.save(folder.resolve() / f"step_{step:08d}", leaves, force=True)
+    for broken in folder.glob("step_*.*"):  # left by a kill while writing
+        shutil.rmtree(broken)
+    with _checkpointer() as writer:
+        writer.save(folder.resolve() / f"step_{step:08d}", arrays, force=True)
     for old in _complete(folder)[:-1]:
         shutil.rmtree(old)
 
@@ -41,15 +51,40 @@ def restore_state(folder: Path, step: int, like: _State) -> _State:
         UserError: if the checkpoint holds other leaves than `like`.
     """
     path = folder.resolve() / f"step_{step:08d}"
-    with ocp.PyTreeCheckpointer() as reader:
-        stored = reader.restore(path)
+    with _checkpointer() as reader:
+        arrays = {name: np.asarray(array) for name, array in reader.restore(path).items()}
     wanted, structure = jax.tree.flatten(like)
-    found = [np.asarray(stored[name]) for name in sorted(stored)]
-    if [np.shape(w) for w in wanted] != [f.shape for f in found]:
+    leaves = [np.asarray(leaf) for leaf in wanted]
+    if _SHAPES not in arrays or arrays[_SHAPES].tobytes() != _shapes(leaves).encode():
         raise UserError(
-            f"{path} belongs to another model or optimiser; use a new run directory or the old configuration"
+            f"{path} belongs to another model, optimiser or training set; use a new run directory or the old ones"
         )
-    return jax.tree.unflatten(structure, [f.astype(np.asarray(w).dtype) for f, w in zip(found, wanted, strict=True)])
+    ends = dict.fromkeys(arrays, 0)
+    found = []
+    for leaf in leaves:
+        start, kind = ends[leaf.dtype.name], leaf.dtype.name
+        ends[kind] = start + leaf.size
+        found.append(arrays[kind][start : ends[kind]].reshape(leaf.shape))
+    return jax.tree.unflatten(structure, found)
+
+
+def _by_type(leaves: list[np.ndarray]) -> dict[str, list[np.ndarray]]:
+    kinds = dict.fromkeys(leaf.dtype.name for leaf in leaves)
+    return {kind: [leaf for leaf in leaves if leaf.dtype.name == kind] for kind in kinds}
+
+
+def _shapes(leaves: list[np.ndarray]) -> str:
+    return json.dumps([[leaf.dtype.name, *leaf.shape] for leaf in leaves])
+
+
+def _checkpointer() -> ocp.Checkpointer:
+    """For this process alone: of several, the others neither write nor wait."""
+    this = jax.process_index()
+    alone = ocp.options.MultiprocessingOptions(
+        primary_host=this, active_processes={this}, barrier_sync_key_prefix=f"process_{this}"
+    )
+    handler = ocp.PyTreeCheckpointHandler(multiprocessing_options=alone)
+    return ocp.Checkpointer(handler, multiprocessing_options=alone)
 
 
 def _complete(folder: Path) -> list[Path]:

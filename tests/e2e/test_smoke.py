@@ -87,7 +87,7 @@ def test_training_writes_weights_that_read_back(trained, clips):
     assert len((trained / "history.jsonl").read_text().splitlines()) == 1
     weights = trained / "weights.safetensors"
     model, notes = load_weights(weights), load_metadata(weights)
-    assert json.loads(notes["reading"]) == {"tokens": 32, "frames": 4}
+    assert json.loads(notes["reading"]) == {"tokens": 32, "frames": 4, "rotation": "none"}
     test = load_clips(clips / "test", frames=4)
     again = predict(model, test, 32, readings=4)
     nll = -again[np.arange(4), test.label].mean()

@@ -33,22 +33,25 @@ def start():
     return {"weight": jnp.zeros((3, 1)), "bias": jnp.zeros(1)}
 
 
-def loss(model, batch, key):
+def loss(model, batch, keys):
     x, y = batch
-    noise = 0.01 * jax.random.normal(key, y.shape)  # the key matters, as dropout's does
+    noise = 0.01 * jax.vmap(jax.random.normal)(keys)  # the keys matter, as dropout's do
     return jnp.mean((x @ model["weight"][:, 0] + model["bias"][0] + noise - y) ** 2)
 
 
-def task(*, die_after=None, spoil=None):
+def task(*, die_after=None, die_before_step=None, spoil_step=None):
     rows = []
 
     def batches(epoch):
-        for index in epoch_order(len(INPUTS), CONFIG.batch, seed=1, epoch=epoch):
+        for place, index in enumerate(epoch_order(len(INPUTS), CONFIG.batch, seed=1, epoch=epoch)):
+            step = 5 * epoch + place + 1
+            if step == die_before_step:
+                raise Killed
             y = TARGETS[index]
-            yield INPUTS[index], np.full_like(y, np.nan) if epoch == spoil else y
+            yield INPUTS[index], np.full_like(y, np.nan) if step == spoil_step else y
 
     def validate(model):
-        error = float(loss(model, (INPUTS, TARGETS), jax.random.key(9)))
+        error = float(loss(model, (INPUTS, TARGETS), jax.random.split(jax.random.key(9), len(INPUTS))))
         return {"error": error, "score": -error}
 
     def report(row):
@@ -57,6 +60,12 @@ def task(*, die_after=None, spoil=None):
             raise Killed
 
     return Fit(loss, batches, len(INPUTS) // CONFIG.batch, validate, report), rows
+
+
+def watched(plain):
+    """The task, and the steps and figures that it tells of."""
+    seen = []
+    return replace(plain, watch=lambda step, figures: seen.append((step, figures))), seen
 
 
 def same(a, b):
@@ -69,7 +78,7 @@ def test_a_killed_run_ends_with_the_same_bits(tmp_path):
     assert rows[-1]["error"] < 0.8 * rows[0]["error"]
     with pytest.raises(Killed):
         fit(start(), task(die_after=2)[0], CONFIG, seed=3, directory=tmp_path / "killed")
-    assert latest_step(tmp_path / "killed/checkpoints") == 2
+    assert latest_step(tmp_path / "killed/checkpoints") == 10  # steps: two epochs of five
     # A row that was written after the checkpoint, as by a kill between the two, is written anew.
     with (tmp_path / "killed/history.jsonl").open("a") as file:
         file.write('{"epoch": 3, "loss": 0.0}\n')
@@ -102,12 +111,70 @@ def test_the_best_model_is_returned(tmp_path):
     assert same(best, judged[1]) and not same(best, judged[3])
 
 
-def test_a_loss_that_is_no_number_ends_the_run_and_leaves_the_checkpoint(tmp_path):
+EVERY_THIRD = replace(CONFIG, checkpoint_steps=3)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory):
+    """Final model, steps with their figures, and the history of a run that nobody killed."""
+    folder = tmp_path_factory.mktemp("whole")
+    whole, steps = watched(task()[0])
+    model = fit(start(), whole, EVERY_THIRD, seed=3, directory=folder)
+    return model, steps, (folder / "history.jsonl").read_text()
+
+
+@pytest.mark.parametrize("step", [1, 4, 5, 6, 12, 20])
+def test_a_run_killed_before_any_step_ends_with_the_same_bits(tmp_path, step, uninterrupted):
+    """Checkpoints after every third step and every fifth, an epoch's last; kills before, at and after both kinds."""
+    model, steps, history = uninterrupted
+    with pytest.raises(Killed):
+        fit(start(), task(die_before_step=step)[0], EVERY_THIRD, seed=3, directory=tmp_path)
+    kept = latest_step(tmp_path / "checkpoints") or 0
+    assert kept == max(n for n in range(step) if n % 3 == 0 or n % 5 == 0)
+    rest, later = watched(task()[0])
+    assert same(fit(start(), rest, EVERY_THIRD, seed=3, directory=tmp_path), model)
+    assert (tmp_path / "history.jsonl").read_text() == history and len(history.splitlines()) == 4
+    assert [number for number, _ in steps] == list(range(1, 21)) and later == steps[kept:]
+
+
+def test_a_history_without_a_checkpoint_is_begun_anew(tmp_path):
+    (tmp_path / "history.jsonl").write_text('{"epoch": 1, "loss": 0.0}\n{"epo')  # killed while writing the first row
+    fit(start(), task()[0], CONFIG, seed=3, directory=tmp_path)
+    rows = [json.loads(line) for line in (tmp_path / "history.jsonl").read_text().splitlines()]
+    assert [row["epoch"] for row in rows] == [1, 2, 3, 4] and rows[0]["loss"] > 0
+
+
+def test_parts_of_a_batch_give_its_mean_gradient(tmp_path):
+    curves, models = [], []
+    for parts in (1, 2, 8):
+        whole, steps = watched(task()[0])
+        config = replace(CONFIG, micro_batches=parts)
+        models.append(fit(start(), whole, config, seed=3, directory=tmp_path / str(parts)))
+        curves.append([list(figures.values()) for _, figures in steps])
+    assert np.shape(curves[0]) == (20, 2)
+    for curve, model in zip(curves[1:], models[1:], strict=True):
+        np.testing.assert_allclose(curve, curves[0], rtol=2e-5)
+        np.testing.assert_allclose(model["weight"], models[0]["weight"], rtol=2e-5)
+    with pytest.raises(UserError, match=r"training\.micro_batches=3 does not divide training\.batch=8"):
+        fit(start(), task()[0], replace(CONFIG, micro_batches=3), seed=3, directory=tmp_path / "odd")
+
+
+@pytest.mark.parametrize(("spoiled", "kept"), [(11, 10), (14, 12), (15, 12), (1, None)])
+def test_a_loss_that_is_no_number_ends_the_run_and_leaves_the_checkpoint(tmp_path, spoiled, kept):
     jax.config.update("jax_debug_nans", False)  # the loop's own check is what is tested
-    with pytest.raises(UserError, match=r"not finite in epoch 3; lower training\.optimiser\.learning_rate"):
-        fit(start(), task(spoil=2)[0], CONFIG, seed=3, directory=tmp_path)
-    assert latest_step(tmp_path / "checkpoints") == 2
-    assert len((tmp_path / "history.jsonl").read_text().splitlines()) == 2
+    stays = "no checkpoint was kept" if kept is None else f"the checkpoint of step {kept} stays"
+    epoch = (spoiled - 1) // 5 + 1
+    message = rf"not finite at step {spoiled} \(epoch {epoch}\); lower training\.optimiser\.learning_rate .*{stays}"
+    config = replace(CONFIG, checkpoint_steps=4)
+    with pytest.raises(UserError, match=message):
+        fit(start(), task(spoil_step=spoiled)[0], config, seed=3, directory=tmp_path)
+    assert latest_step(tmp_path / "checkpoints") == kept
+    rows = (tmp_path / "history.jsonl").read_text().splitlines() if kept else []
+    assert len(rows) == (spoiled - 1) // 5 and all(np.isfinite(json.loads(row)["loss"]) for row in rows)
+    if kept:  # the weights that stay are good: the same run with good data goes on from them
+        rest, steps = watched(task()[0])
+        fit(start(), rest, config, seed=3, directory=tmp_path)
+        assert steps[0][0] == kept + 1 and np.isfinite([figures["loss"] for _, figures in steps]).all()
 
 
 def test_less_than_a_batch_is_refused_and_one_step_is_a_run(tmp_path):
@@ -129,7 +196,7 @@ def test_checkpoints_keep_the_newest_and_refuse_another_model(tmp_path):
     restored = restore_state(tmp_path, 10, like)
     np.testing.assert_array_equal(restored["a"], np.arange(10))
     assert int(restored["b"]) == 10
-    with pytest.raises(UserError, match="belongs to another model or optimiser"):
+    with pytest.raises(UserError, match="belongs to another model, optimiser or training set"):
         restore_state(tmp_path, 10, like | {"a": np.zeros(9, np.float32)})
     with pytest.raises(UserError, match="belongs to another model"):
         restore_state(tmp_path, 10, like | {"c": np.zeros(1)})
