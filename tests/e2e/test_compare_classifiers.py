@@ -1,0 +1,68 @@
+"""The comparison of classifiers as one sweep: trained, examined, tabulated, and not done again when it is finished."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from clip_examples import random_clip
+from command_line import run_command
+
+from aerojax.evaluate.protocols import PROTOCOLS
+from aerojax.training.data import save_clip
+from aerojax.types import CLASSES
+from experiments import compare_classifiers
+
+
+@pytest.fixture(scope="module")
+def clips(tmp_path_factory) -> Path:
+    """One rig's clips of random clouds, one identity a class and split."""
+    folder = tmp_path_factory.mktemp("clips") / "rig"
+    for index, split in enumerate(("train", "val", "test")):
+        for label, name in enumerate(CLASSES):
+            columns = np.asarray(random_clip(10 * index + label, time=4, tokens=32, anisotropy=0.2 * label))
+            save_clip(folder / split / f"{name}.npz", columns, name, f"{name}_{split}")
+    return folder
+
+
+def compare(monkeypatch, folder: Path, clips: Path, *overrides: str) -> None:
+    data = (f"clips=[{clips}]", "also_test=[]", f"reading.rotations={folder}/rotations", "variation.tokens=16")
+    which = ("classifier=E_C,E_X_last_frame", "seed=0", f"hydra.sweep.dir={folder}/sweep")
+    run_command(compare_classifiers, monkeypatch, "-m", "preset=smoke", *which, *data, *overrides)
+
+
+@pytest.mark.slow
+def test_a_sweep_leaves_a_table_and_goes_on_where_it_was_stopped(clips, monkeypatch, tmp_path, capsys):
+    compare(monkeypatch, tmp_path, clips)
+    sweep = tmp_path / "sweep"
+    table = json.loads((sweep / "table.json").read_text())
+    rows = {row["classifier"]: row for row in table["rows"]}
+    assert list(rows) == ["E_C", "E_X_last_frame"] and table["runs"] == 2
+    for name, row in rows.items():
+        left = json.loads((sweep / f"{name}_seed0/comparison.json").read_text())
+        assert row["seeds"] == [0] and left["figures"]["rotations"]["z"]["trials"]
+        assert list(row["protocols"]) == [p.name for p in PROTOCOLS]
+        # Exactly invariant: four clips are answered alike however they are turned.
+        assert {figure["mean"] for figure in row["protocols"].values()} == {row["clip"]["mean"]}
+        assert row["gain"]["mean"] == pytest.approx(row["clip"]["mean"] - row["last_frame"]["mean"])
+    # A model that answers from the last frame says the same of that frame alone.
+    assert rows["E_X_last_frame"]["gain"]["mean"] == 0
+    page = (sweep / "table.md").read_text()
+    assert page in capsys.readouterr().out and "| E_C | C |" in page and "z/SO3_pf" in page
+
+    # One run was killed before its end: it alone is done again, from its weights, with the same figures.
+    lost, kept = sweep / "E_C_seed0/comparison.json", sweep / "E_X_last_frame_seed0/comparison.json"
+    before, stamp = json.loads(lost.read_text()), kept.stat().st_mtime_ns
+    lost.unlink()
+    compare(monkeypatch, tmp_path, clips)
+    assert kept.stat().st_mtime_ns == stamp
+    assert f"{kept.parent} is finished" in capsys.readouterr().out
+    assert json.loads(lost.read_text()) == before
+    assert json.loads((sweep / "table.json").read_text())["rows"] == table["rows"]
+
+    with pytest.raises(SystemExit) as ended:
+        compare(monkeypatch, tmp_path, clips, "training.batch=2")
+    assert ended.value.code == 2
+    assert "another configuration (training in run.json)" in capsys.readouterr().err
