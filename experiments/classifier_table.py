@@ -61,10 +61,10 @@ def table_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     bridges = [row for row in rows if row["mode"] == "X" and row["temporal"] != "none"]
     trained = " or ".join(sorted({row["trained"] for row in rows}))
     lines = [
-        "Clip accuracy in % on identities that training never saw, mean ± standard deviation over seeds. The protocols",
-        f"turn the test clips; the rotation of the training clips was `{trained}`, and the loss of an exactly invariant",
-        "model does not see it. Last frame: the last frame of each clip alone; gain: clip less last frame.",
-        "`E_X_last_frame` was trained to answer from that frame.",
+        "Clip accuracy in % on identities that training never saw, mean ± standard deviation over seeds.",
+        f"The protocols turn the test clips; the rotation of the training clips was `{trained}`, and the loss of an",
+        "exactly invariant model does not see it. Last frame: the last frame of each clip alone; gain: clip less last",
+        "frame. `E_X_last_frame` was trained to answer from that frame.",
     ]
     for kind, chosen in (("features", features), ("bridge", bridges)):
         lines += ["", *_lines(kind, chosen)] if chosen else []
@@ -89,7 +89,7 @@ def _cell(figure: Mapping[str, float | None]) -> str:
 
 
 def write_table(folder: Path) -> str:
-    """Write `table.json` and `table.md` of the runs that have ended below a folder; return the Markdown, "" for none."""
+    """Write `table.json` and `table.md` of the ended runs below a folder; return the Markdown, "" if there are none."""
     runs = [json.loads(path.read_text()) for path in sorted(folder.rglob(RESULT))]
     if not runs:
         return ""
