@@ -17,6 +17,7 @@ from aerojax.training.data import VariationConfig
 from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
 from aerojax.training.loop import TrainingConfig, fit
 from aerojax.types import CLASSES
+from experiments.allocator import keep_freed_memory
 from experiments.classifier_task import ClipTask
 from experiments.clip_factory import pipeline_of
 from experiments.clip_reading import load_split, test_figures
@@ -50,6 +51,7 @@ class Config:
 
 def train(config: Config, run: Run) -> None:
     """Train, test, and write weights with their card and `metrics.json`; of several processes the first one writes."""
+    keep_freed_memory()
     join_processes(config.distribution)
     model, results = _train_and_test(config, run)
     if is_first_process():
