@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
 from aerojax.training.distribution import is_first_process
@@ -37,7 +38,7 @@ class TrainingScreen:
             self._console.print(f"step {step} of {self._steps}: loss {figures['loss']:.4g}  {self._speed(step)}")
         self._bar.update(self._task, completed=step, description=f"loss {figures['loss']:.3f}")
         if self._log is not None:
-            rate = {"learning_rate": float(self._rate(step - 1))}
+            rate = {"learning_rate": float(np.asarray(self._rate(step - 1)))}
             self._log.write(step, {f"training/{name}": value for name, value in {**figures, **rate}.items()})
 
     def report(self, row: dict[str, float]) -> None:

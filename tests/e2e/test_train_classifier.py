@@ -1,4 +1,4 @@
-"""Training as processes: killed at a random moment, on two devices, and as two processes; the curve stays the same."""
+"""`train_classifier` as a process: killed at a random moment, and on two devices; the curve stays the same."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import os
 import random
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -50,7 +49,7 @@ def place(tmp_path_factory) -> Path:
 
 def begin(place: Path, name: str, *more: str, flags: str = "") -> subprocess.Popen:
     where = (f"clips=[{place}/clips]", f"hydra.run.dir={place}/{name}")
-    cache = {"JAX_COMPILATION_CACHE_DIR": str(place / "cache"), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
+    cache = {"JAX_COMPILATION_CACHE_DIR": str(place / "cache"), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
     environment = {**os.environ, **cache, "JAX_PLATFORMS": "cpu", "XLA_FLAGS": flags}
     command = [sys.executable, "-m", "experiments.train_classifier", *SIZES, *where, *more]
     return subprocess.Popen(
@@ -115,18 +114,3 @@ def test_two_devices_share_the_batch(whole, place):
     end(begin(place, "devices", flags="--xla_force_host_platform_device_count=2"))
     np.testing.assert_allclose(losses(place, "devices"), losses(place, "whole"), rtol=1e-3)
     assert not np.array_equal(losses(place, "devices"), losses(place, "whole"))  # sums in another order
-
-
-@pytest.mark.slow
-def test_two_processes_share_the_batch_and_the_first_one_writes(whole, place):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        coordinator = f"127.0.0.1:{free.getsockname()[1]}"
-    together = (f"distribution.coordinator={coordinator}", "distribution.processes=2")
-    pair = [begin(place, f"process_{i}", *together, f"distribution.process={i}") for i in range(2)]
-    said = [end(process) for process in pair]
-    np.testing.assert_allclose(losses(place, "process_0"), losses(place, "whole"), rtol=1e-3)
-    assert "loss" in said[0] and "loss" not in said[1]
-    assert sorted(path.name for path in (place / "process_1").iterdir()) == ["hydra", "run.json"]
-    model = load_weights(place / "process_0/weights.safetensors")
-    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(model))
