@@ -106,7 +106,7 @@ def write_table(folder: Path) -> str:
 class TableKeeper(Callback):
     """Hydra's callback that keeps the table of a sweep's directory up to date, run by run."""
 
-    def on_job_end(self, config: DictConfig, **kwargs: Any) -> None:
+    def on_job_end(self, config: DictConfig, job_return: Any, **kwargs: Any) -> None:
         """After each run of a sweep."""
         if config.hydra.mode == RunMode.MULTIRUN:
             write_table(Path(config.hydra.sweep.dir))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import optax
 
 
@@ -64,7 +65,7 @@ def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
         return rate
     # Division first: the product of a step and a number of plateaus may not fit 32 bits.
     width = max(steps // config.plateaus, 1)
-    return lambda step: rate(step // width)
+    return lambda step: rate(jnp.asarray(step) // width)
 
 
 def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
