@@ -11,6 +11,10 @@ from aerojax.classify.config import MambaSplatConfig
 from aerojax.classify.vector_neurons import Init, VNLayerNorm, VNLinear, VNRectifier, VNRMSNorm
 
 FEED_FORWARD_FACTOR = 4
+QUERY_BLOCK = 128
+"""Rows of scores that exist at once: four heads of 128 x 1024 floats are 2 MiB, so they stay in a cache."""
+LARGE_FRAME = 256
+"""Tokens up to which all scores of a frame fit in memory and cache at once."""
 
 
 def weight_init(config: MambaSplatConfig) -> Init:
@@ -26,6 +30,37 @@ def bias_epsilon(config: MambaSplatConfig) -> float:
 def vector_norm(config: MambaSplatConfig) -> VNLayerNorm | VNRMSNorm:
     """The variant's norm over a token's channels."""
     return VNLayerNorm(config.channels) if config.variant == "published" else VNRMSNorm(config.channels)
+
+
+def attend(
+    q: Float[Array, "head query feature"],
+    k: Float[Array, "head token feature"],
+    v: Float[Array, "head token value"],
+    mask: Bool[Array, "token"],
+) -> Float[Array, "head query value"]:
+    """Softmax attention to the valid tokens; the mean of all where none is valid."""
+    scores = jnp.where(mask, jnp.einsum("hnf,hmf->hnm", q, k), -1e30)
+    return jnp.einsum("hnm,hmf->hnf", jax.nn.softmax(scores, axis=-1), v)
+
+
+def attend_in_blocks(
+    q: Float[Array, "head query feature"],
+    k: Float[Array, "head token feature"],
+    v: Float[Array, "head token value"],
+    mask: Bool[Array, "token"],
+    *,
+    block: int = QUERY_BLOCK,
+) -> Float[Array, "head query value"]:
+    """`attend`, `block` queries after another: memory grows with the tokens and not with their square.
+
+    Each query sees all tokens at once, so nothing has to be rescaled between blocks; the gradient computes a block's
+    scores again (Rabe & Staats 2021, without their blocks of keys).
+    """
+    heads, queries, _ = q.shape
+    count = -(-queries // block)
+    rows = jnp.pad(q, ((0, 0), (0, count * block - queries), (0, 0))).reshape(heads, count, block, -1)
+    mixed = jax.lax.map(jax.checkpoint(lambda few: attend(few, k, v, mask)), rows.swapaxes(0, 1))
+    return mixed.swapaxes(0, 1).reshape(heads, count * block, -1)[:, :queries]
 
 
 class VNAttention(nnx.Module):
@@ -52,9 +87,8 @@ class VNAttention(nnx.Module):
             return y.transpose(2, 0, 1, 3).reshape(self.heads, tokens, -1)
 
         q, k, v = by_head(self.to_q), by_head(self.to_k), by_head(self.to_v)
-        scores = jnp.einsum("hnf,hmf->hnm", q * q.shape[-1] ** -0.5, k)
-        weights = jax.nn.softmax(jnp.where(mask, scores, -1e30), axis=-1)
-        mixed = jnp.einsum("hnm,hmf->hnf", weights, v * mask.any())
+        mix = attend if tokens <= LARGE_FRAME else attend_in_blocks
+        mixed = mix(q * q.shape[-1] ** -0.5, k, v * mask.any(), mask)
         mixed = mixed.reshape(self.heads, tokens, slots, -1).transpose(1, 2, 0, 3)
         return self.to_out(mixed.reshape(tokens, slots, -1))
 

@@ -26,7 +26,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.bridges import InvariantBridge
 from aerojax.classify.config import MambaSplatConfig, uses_colour, uses_opacity
-from aerojax.classify.encoder import VNEncoder, masked_mean, weight_init
+from aerojax.classify.encoder import LARGE_FRAME, VNEncoder, masked_mean, weight_init
 from aerojax.classify.lifting import ExactLifting, PublishedLifting, normalise_clip
 from aerojax.classify.mamba import Linear, MambaStack, MambaState, drop, sinusoids
 from aerojax.classify.vector_neurons import VNLinear
@@ -107,10 +107,16 @@ class MambaSplat(nnx.Module):
         """Each frame's invariant descriptor, and which frames count."""
         if self.config.variant == "published":
             no_extra = jnp.zeros((columns.shape[0], 0), columns.dtype)
-            return jax.vmap(self.describe)(columns, mask, no_extra), jnp.ones(columns.shape[0], bool)
+            return self._describe_all(columns, mask, no_extra), jnp.ones(columns.shape[0], bool)
         columns, radius = normalise_clip(columns, mask, self.config)
         extra = jnp.log(radius)[:, None][:, : int(self.config.metric_size)]
-        return jax.vmap(self.describe)(columns, mask, extra), mask.any(axis=1)
+        return self._describe_all(columns, mask, extra), mask.any(axis=1)
+
+    def _describe_all(self, columns: Array, mask: Array, extra: Array) -> Float[Array, "time width"]:
+        # Many small frames are one large product each; a large frame alone fills the machine, and its cache.
+        if columns.shape[1] <= LARGE_FRAME:
+            return jax.vmap(self.describe)(columns, mask, extra)
+        return jax.lax.map(lambda frame: self.describe(*frame), (columns, mask, extra))
 
     def describe(
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], extra: Float[Array, "extra"]
