@@ -295,17 +295,49 @@ def probabilities_so_far(
         tokens: how many of each frame's Gaussians one reading sees, as in training.
         readings: disjoint groups of tokens whose probabilities are averaged, as far as there are enough tokens.
     """
+    time = jnp.arange(columns.shape[0])
+
+    def read(features: Float[Array, "time width"], valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+        prefixes = valid & (time[None, :] <= time[:, None])
+        return jax.nn.softmax(jax.vmap(lambda mask: model.head(model.embed(features, mask)))(prefixes))
+
+    return _mean_of_readings(model, columns, present, tokens, readings, read)
+
+
+@partial(jax.jit, static_argnames=("tokens", "readings"))
+def clip_probabilities(
+    model: MambaSplat,
+    columns: Float[Array, "time token 14"],
+    present: Bool[Array, "time"] | None = None,
+    *,
+    tokens: int,
+    readings: int = 4,
+) -> Float[Array, "label"]:
+    """The last row of `probabilities_so_far` without the work for the others."""
+
+    def read(features: Float[Array, "time width"], valid: Bool[Array, "time"]) -> Float[Array, "label"]:
+        return jax.nn.softmax(model.head(model.embed(features, valid)))
+
+    return _mean_of_readings(model, columns, present, tokens, readings, read)
+
+
+def _mean_of_readings(
+    model: MambaSplat,
+    columns: Float[Array, "time token 14"],
+    present: Bool[Array, "time"] | None,
+    tokens: int,
+    readings: int,
+    read: Callable[[Array, Array], Array],
+) -> Array:
+    """Mean of `read(features, valid)` over disjoint groups of every frame's tokens."""
     groups = max(1, min(readings, columns.shape[1] // tokens))
     size = min(tokens, columns.shape[1])
-    time = jnp.arange(columns.shape[0])
     real = jnp.ones(columns.shape[0], bool) if present is None else present
     if model.config.variant == "published":
         columns = jax.vmap(normalise_published)(columns)
 
-    def read(group: Float[Array, "time some 14"]) -> Float[Array, "time label"]:
-        features, valid = model.frame_features(group, jnp.broadcast_to(real[:, None], group.shape[:2]))
-        prefixes = valid & (time[None, :] <= time[:, None])
-        return jax.nn.softmax(jax.vmap(lambda mask: model.head(model.embed(features, mask)))(prefixes))
+    def one(group: Float[Array, "time some 14"]) -> Array:
+        return read(*model.frame_features(group, jnp.broadcast_to(real[:, None], group.shape[:2])))
 
     split = columns[:, : groups * size].reshape(columns.shape[0], groups, size, 14)
-    return jnp.mean(jax.vmap(read, in_axes=1)(split), axis=0)
+    return jnp.mean(jax.vmap(one, in_axes=1)(split), axis=0)

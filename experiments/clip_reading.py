@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.evaluate.labels import label_figures
-from aerojax.pipeline import probabilities_so_far
+from aerojax.pipeline import clip_probabilities
 from aerojax.training.data import ClipSet, join_clips, load_clips
 
 
@@ -23,8 +23,7 @@ def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
 
 @partial(jax.jit, static_argnames=("tokens", "readings"))
 def _probabilities(model: MambaSplat, columns: jax.Array, present: jax.Array, tokens: int, readings: int) -> jax.Array:
-    one = partial(probabilities_so_far, model, tokens=tokens, readings=readings)
-    return jax.vmap(lambda c, p: one(c, p)[-1])(columns, present)
+    return jax.vmap(partial(clip_probabilities, model, tokens=tokens, readings=readings))(columns, present)
 
 
 def predict(

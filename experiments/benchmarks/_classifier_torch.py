@@ -3,8 +3,9 @@
     lifting of positions and scaled axes → VN transformer → weighted pool → frame bridge → Mamba layers → head
 
 Needs torch, VN-transformer (and packaging, which it forgets to ask for) and mambapy. The sizes and the number of
-parameters are those of the published variant, less its last norm and one map in each rectifier of the bridge; the operators
-are the packages' own, so the logits are not ours. Imports nothing of aerojax, because a Python without JAX may run it.
+parameters are those of the published variant, less its last norm and one map in each rectifier of the bridge; the
+operators are the packages' own, so the logits are not ours. Imports nothing of aerojax, because a Python without JAX may
+run it.
 """
 
 from __future__ import annotations

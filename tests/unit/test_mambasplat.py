@@ -21,7 +21,7 @@ from aerojax.classify.vector_neurons import clip_to_half_space, mix_channels
 from aerojax.classify.weights import CONFIG_KEY, load_metadata, load_weights, save_weights
 from aerojax.config import to_dataclass
 from aerojax.errors import UserError
-from aerojax.pipeline import probabilities_so_far
+from aerojax.pipeline import clip_probabilities, probabilities_so_far
 
 SMALL = MambaSplatConfig(depth=1, mamba_layers=2, d_model=32, token_features=8, scale_normalisation="frame")
 
@@ -205,3 +205,11 @@ def test_published_weights_are_read_as_their_authors_prepare_them():
     expected = jax.nn.softmax(model(prepared, jnp.ones(columns.shape[:2], bool)))
     read = probabilities_so_far(model, columns, tokens=16)
     np.testing.assert_allclose(read[-1], expected, atol=1e-6)
+
+
+def test_the_last_of_all_prefixes_is_the_clip():
+    model = MambaSplat(SMALL, key=jax.random.key(0))
+    columns, present = random_clip(4, time=4, tokens=24), jnp.array([True, True, False, True])
+    whole = clip_probabilities(model, columns, present, tokens=8)
+    np.testing.assert_allclose(whole, probabilities_so_far(model, columns, present, tokens=8)[-1], atol=1e-6)
+    assert whole.sum() == pytest.approx(1, abs=1e-5)
