@@ -4,8 +4,8 @@
 
 Needs torch, VN-transformer (and packaging, which it forgets to ask for) and mambapy. The sizes and the number of
 parameters are those of the published variant, less its last norm and one map in each rectifier of the bridge; the
-operators are the packages' own, so the logits are not ours. Imports nothing of aerojax, because a Python without JAX may
-run it.
+operators are the packages' own, so the logits are not ours. It imports nothing of aerojax,
+because a Python without JAX may run it.
 """
 
 from __future__ import annotations
