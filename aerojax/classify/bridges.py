@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from flax import nnx
 from jaxtyping import Array, Bool, Float, Key
 
-from aerojax.classify.config import Bridge, MambaSplatConfig
+from aerojax.classify.config import Bridge, MambaSplatConfig, frame_extras
 from aerojax.classify.encoder import masked_max, masked_mean, weight_init
 from aerojax.classify.mamba import LayerNorm, Linear
 from aerojax.classify.vector_neurons import VNLinear, VNRectifier
@@ -121,7 +121,7 @@ class InvariantBridge(nnx.Module):
         self.frame = VNFrame(config, key=frame_key) if config.bridge in ("vn_in", "vn_std") else None
         self.tokens = TokenInvariants(config, key=token_key) if config.invariants_before_pooling else None
         width = invariant_count(config.bridge, config.channels) + scalar_slots * config.channels
-        width += 2 * config.token_features * config.invariants_before_pooling + config.metric_size
+        width += 2 * config.token_features * config.invariants_before_pooling + frame_extras(config)
         self.linear = Linear(width, config.d_model, key=linear_key)
         self.norm = LayerNorm(config.d_model)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any, Literal
 
+from aerojax.classify.motion import MOTION_FEATURES
 from aerojax.errors import UserError
 from aerojax.types import CLASSES
 
@@ -40,11 +41,16 @@ class MambaSplatConfig:
     variant: Literal["published", "exact"] = "exact"
     mode: Mode = "X"
     lifting: Literal["columns", "covariance"] = "covariance"
-    scale_normalisation: Literal["clip", "frame", "none"] = "clip"
+    scale_normalisation: Literal["clip", "robust", "frame", "none"] = "clip"
+    """Length that positions are divided by: root mean square distance over the clip, median distance over the clip
+    (floaters far away do not count), root mean square over each frame, or 1."""
     scalar_slots: int = 1
     """Invariant slots of a token (exact variant only; the published one has one per attribute)."""
     metric_size: bool = False
     """Whether log(radius in metres) is a feature: it lifts scale invariance."""
+    motion_features: bool = False
+    """Whether speed, turn and change of shape from frame to frame are features (`motion`): they lift invariance to
+    rotations of single frames, not to those of the clip."""
     channels: int = 14
     heads: int = 4
     head_dim: int = 8
@@ -95,11 +101,17 @@ class MambaSplatConfig:
                 )
 
 
+def frame_extras(config: MambaSplatConfig) -> int:
+    """How many invariants of a frame join its descriptor besides the bridge's."""
+    return config.metric_size + MOTION_FEATURES * config.motion_features
+
+
 PUBLISHED: dict[str, Any] = {
     "lifting": "columns",
     "scale_normalisation": "none",
     "scalar_slots": 1,
     "metric_size": False,
+    "motion_features": False,
     "pre_norm": False,
     "invariants_before_pooling": False,
 }

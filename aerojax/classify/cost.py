@@ -8,7 +8,7 @@ import math
 import jax
 
 from aerojax.classify.bridges import InvariantBridge, invariant_count
-from aerojax.classify.config import MambaSplatConfig, uses_colour, uses_opacity, uses_shape
+from aerojax.classify.config import MambaSplatConfig, frame_extras, uses_colour, uses_opacity, uses_shape
 from aerojax.classify.encoder import FEED_FORWARD_FACTOR
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.errors import UserError
@@ -77,7 +77,7 @@ def _exact_bridge(config: MambaSplatConfig, tokens: int) -> int:
     frame_mlp = 3 * (4 * c * c + 2 * c * c + 3 * c)
     kinds = {"vn_in": frame_mlp + 9 * c, "vn_std": tokens * (frame_mlp + 9 * c), "gram": 3 * c * c, "pca_frame": 27 * c}
     each = 9 * c * k + (k + config.scalar_slots * c) * config.token_features
-    width = invariant_count(config.bridge, c) + config.scalar_slots * c + config.metric_size
+    width = invariant_count(config.bridge, c) + config.scalar_slots * c + frame_extras(config)
     before = config.invariants_before_pooling
     width += 2 * config.token_features * before
     return kinds.get(config.bridge, 0) + tokens * each * before + width * config.d_model

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.config import MambaSplatConfig, Mode, uses_colour, uses_opacity, uses_shape
 from aerojax.classify.encoder import bias_epsilon, masked_mean, weight_init
+from aerojax.classify.motion import median_distance, motion_invariants
 from aerojax.classify.vector_neurons import VNLinear, draw_weight
 from aerojax.geometry.covariances import covariance_from_axes
 from aerojax.geometry.rotations import canonical_sign, normalise, rotation_from_quaternion
@@ -20,7 +21,7 @@ SMALLEST_RELATIVE_SCALE = 1e-4
 
 def normalise_clip(
     columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"], config: MambaSplatConfig
-) -> tuple[Float[Array, "time token 14"], Float[Array, "time"]]:
+) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"]]:
     """Centre each frame and divide positions and scales by a radius; padded tokens become zero.
 
     The centre is a frame's mean position and the radius the root of the mean squared distance from it, both weighted by
@@ -28,7 +29,8 @@ def normalise_clip(
     radius of the clip, so that growth and shrinkage remain visible.
 
     Returns:
-        Normalised columns and each frame's radius in metres (1 with `scale_normalisation` none).
+        Normalised columns and each frame's further invariants: log of the radius in metres (`metric_size`) and how it
+        moves (`motion_features`).
     """
     columns = jnp.where(mask[..., None], columns, 0.0)
     weights = mask.astype(columns.dtype)
@@ -40,13 +42,19 @@ def normalise_clip(
     moment = jnp.einsum("tnc,tn->t", centred * centred, weights)
     if config.scale_normalisation == "clip":
         radius = jnp.broadcast_to(_root_mean(moment.sum(), total.sum()), moment.shape)
+    elif config.scale_normalisation == "robust":
+        distance = jnp.sqrt(jnp.sum(centred**2, axis=-1) + 1e-12)
+        radius = jnp.broadcast_to(median_distance(distance, mask) + 1e-6, moment.shape)
     elif config.scale_normalisation == "frame":
         radius = _root_mean(moment, total)
     else:
         radius = jnp.ones_like(moment)
+    extra = [jnp.log(radius)[:, None]] if config.metric_size else [jnp.zeros((len(radius), 0), radius.dtype)]
+    if config.motion_features:
+        extra.append(motion_invariants(columns, weights, centre, radius))
     inverse = 1 / radius[:, None, None]
     parts = (centred * inverse, columns[..., 3:7], columns[..., 7:10] * inverse, columns[..., 10:])
-    return jnp.concatenate(parts, axis=-1), radius
+    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1)
 
 
 def _root_mean(moment: Float[Array, "*frame"], total: Float[Array, "*frame"]) -> Float[Array, "*frame"]:

@@ -108,8 +108,7 @@ class MambaSplat(nnx.Module):
         if self.config.variant == "published":
             no_extra = jnp.zeros((columns.shape[0], 0), columns.dtype)
             return self._describe_all(columns, mask, no_extra), jnp.ones(columns.shape[0], bool)
-        columns, radius = normalise_clip(columns, mask, self.config)
-        extra = jnp.log(radius)[:, None][:, : int(self.config.metric_size)]
+        columns, extra = normalise_clip(columns, mask, self.config)
         return self._describe_all(columns, mask, extra), mask.any(axis=1)
 
     def _describe_all(self, columns: Array, mask: Array, extra: Array) -> Float[Array, "time width"]:

@@ -99,10 +99,12 @@ def classify_next(
     `scale_normalisation` frame or none, because a clip's radius depends on frames to come.
 
     Raises:
-        UserError: if the model normalises whole clips or numbers its frames.
+        UserError: if the model normalises whole clips, compares frames or numbers them.
     """
-    if model.config.scale_normalisation == "clip":
-        raise UserError("scale_normalisation is 'clip' in MambaSplatConfig; a stream needs 'frame' or 'none'")
+    if (how := model.config.scale_normalisation) not in ("frame", "none"):
+        raise UserError(f"scale_normalisation is {how!r} in MambaSplatConfig; a stream needs 'frame' or 'none'")
+    if model.config.motion_features:
+        raise UserError("motion_features is True in MambaSplatConfig; a stream's frames come one by one: use False")
     if model.config.positional_encoding:
         raise UserError("positional_encoding is True in MambaSplatConfig; a stream has no last frame: use False")
     features, valid = model.frame_features(columns[None], mask[None])
