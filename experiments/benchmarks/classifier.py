@@ -17,8 +17,8 @@ import numpy as np
 
 MISSING = "not measured: install .[bench], or name a Python that has torch, VN-transformer and mambapy in TORCH_PYTHON"
 THREADS = 2
-REPEATS = 5
-REPEATS_FULL = 3
+REPEATS = 3
+REPEATS_FULL = 2
 LENGTHS = (16, 32, 64, 128, 256, 512)
 LENGTH_TOKENS = 64
 _WORKER = Path(__file__).with_name("_classifier_worker.py")

@@ -251,8 +251,8 @@ def measure() -> dict[str, Any]:
     return {
         "cores": cores,
         "load_average": load,
-        "throughput": [throughput(rig, preset, 4 if rig == "sim1" else 1) for rig in RIGS for preset in PRESETS],
-        "two_workers": [two_workers(rig, "small", 2) for rig in RIGS],
+        "throughput": [throughput(rig, preset, 2 if rig == "sim1" else 1) for rig in RIGS for preset in PRESETS],
+        "two_workers": [two_workers(rig, "small", 1) for rig in RIGS],
         "growth": growth(station, identities("test")[0]),
         "load_average_at_the_end": os.getloadavg()[0],
     }
