@@ -100,9 +100,10 @@ class TokenInvariants(nnx.Module):
         """Mean and maximum over the valid tokens; zero where there is none."""
         vectors = tokens[:, :3]
         frame = jnp.broadcast_to(pooled[:3], vectors.shape)
-        products = self.left(vectors) * self.right(jnp.concatenate([vectors, frame], axis=-1))
+        right = self.right(jnp.concatenate([vectors, frame], axis=-1))
+        products = jnp.einsum("nsk,nsk->nk", self.left(vectors), right)
         scalars = tokens[:, 3:].reshape(tokens.shape[0], -1)
-        features = jax.nn.gelu(self.mlp(jnp.concatenate([products.sum(axis=1), scalars], axis=-1)))
+        features = jax.nn.gelu(self.mlp(jnp.concatenate([products, scalars], axis=-1)))
         return jnp.concatenate([masked_mean(features, mask), masked_max(features, mask)])
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 from flax import nnx
@@ -11,10 +13,11 @@ from aerojax.classify.config import MambaSplatConfig
 from aerojax.classify.vector_neurons import Init, VNLayerNorm, VNLinear, VNRectifier, VNRMSNorm
 
 FEED_FORWARD_FACTOR = 4
-QUERY_BLOCK = 128
-"""Rows of scores that exist at once: four heads of 128 x 1024 floats are 2 MiB, so they stay in a cache."""
+SMALLEST_BLOCK = 128
+MOST_BLOCKS = 4
+"""Queries are mixed in so many blocks of at least so many rows: the scores of one fit in a cache."""
 LARGE_FRAME = 256
-"""Tokens up to which all scores of a frame fit in memory and cache at once."""
+"""Tokens up to which frames are encoded side by side."""
 
 
 def weight_init(config: MambaSplatConfig) -> Init:
@@ -32,35 +35,97 @@ def vector_norm(config: MambaSplatConfig) -> VNLayerNorm | VNRMSNorm:
     return VNLayerNorm(config.channels) if config.variant == "published" else VNRMSNorm(config.channels)
 
 
+@partial(jax.custom_vjp, nondiff_argnums=(4,))
 def attend(
     q: Float[Array, "head query feature"],
     k: Float[Array, "head token feature"],
     v: Float[Array, "head token value"],
     mask: Bool[Array, "token"],
+    block: int,
 ) -> Float[Array, "head query value"]:
-    """Softmax attention to the valid tokens; the mean of all where none is valid."""
-    scores = jnp.where(mask, jnp.einsum("hnf,hmf->hnm", q, k), -1e30)
-    return jnp.einsum("hnm,hmf->hnf", jax.nn.softmax(scores, axis=-1), v)
+    """Softmax attention to the valid tokens; the mean of all where none is valid.
 
-
-def attend_in_blocks(
-    q: Float[Array, "head query feature"],
-    k: Float[Array, "head token feature"],
-    v: Float[Array, "head token value"],
-    mask: Bool[Array, "token"],
-    *,
-    block: int = QUERY_BLOCK,
-) -> Float[Array, "head query value"]:
-    """`attend`, `block` queries after another: memory grows with the tokens and not with their square.
-
-    Each query sees all tokens at once, so nothing has to be rescaled between blocks; the gradient computes a block's
-    scores again (Rabe & Staats 2021, without their blocks of keys).
+    Where there are more than `block` queries, one block follows the other, so memory grows with the tokens and not with
+    their square; each query sees all tokens at once, so nothing is rescaled between blocks. The gradient keeps two
+    numbers a query, its highest score and its normaliser, and computes the weights again (Rabe & Staats 2021, without
+    their blocks of keys; Dao et al. 2022).
     """
-    heads, queries, _ = q.shape
+    return _attend(q, k, v, mask, block)[0]
+
+
+def _attend(q: Array, k: Array, v: Array, mask: Array, block: int) -> tuple[Array, Array, Array]:
+    """The mixed values; each query's highest score, and the sum of the exponentials of what the others lack to it."""
+    keys = _append(k, _score_of_a_token(mask))
+
+    def few(q: Array) -> tuple[Array, Array, Array]:
+        scores = jnp.einsum("hnf,hmf->hnm", _append(q, jnp.ones(())), keys)
+        highest = scores.max(axis=-1, keepdims=True)
+        weights = jnp.exp(scores - highest)
+        total = weights.sum(axis=-1, keepdims=True)
+        return jnp.einsum("hnm,hmf->hnf", weights, v) / total, highest, total
+
+    if q.shape[1] <= block:
+        return few(q)
+    mixed, highest, total = (_from_blocks(x, q.shape[1]) for x in jax.lax.map(few, _in_blocks(q, block)))
+    return mixed, highest, total
+
+
+def _attend_forward(q: Array, k: Array, v: Array, mask: Array, block: int) -> tuple[Array, tuple[Array, ...]]:
+    mixed, highest, total = _attend(q, k, v, mask, block)
+    return mixed, (q, k, v, mask, mixed, highest, total)
+
+
+def _attend_backward(block: int, saved: tuple[Array, ...], g: Array) -> tuple[Array, Array, Array, None]:
+    q, k, v, mask, mixed, highest, total = saved
+    keys = _append(k, _score_of_a_token(mask))
+    g = g / total
+    centre = jnp.sum(g * mixed, axis=-1, keepdims=True)
+
+    def few(q: Array, g: Array, highest: Array, centre: Array) -> tuple[Array, Array, Array]:
+        # Tokens before queries: two of the three products over a score then read it along its rows.
+        scores = jnp.einsum("hmf,hnf->hmn", keys, _append(q, jnp.ones(())))
+        weights = jnp.exp(scores - highest.swapaxes(1, 2))
+        slopes = weights * (jnp.einsum("hmf,hnf->hmn", v, g) - centre.swapaxes(1, 2))
+        to_q = jnp.einsum("hfm,hmn->hfn", k.swapaxes(1, 2), slopes).swapaxes(1, 2)
+        return to_q, jnp.einsum("hmn,hnf->hmf", slopes, q), jnp.einsum("hmn,hnf->hmf", weights, g)
+
+    each = (q, g, highest, centre)
+    if q.shape[1] <= block:
+        return *few(*each), None
+
+    def add(total: tuple[Array, Array], block: tuple[Array, ...]) -> tuple[tuple[Array, Array], Array]:
+        to_q, to_k, to_v = few(*block)
+        return (total[0] + to_k, total[1] + to_v), to_q
+
+    # A padded query's cotangent is zero, and so is all that it passes on.
+    start = (jnp.zeros_like(k), jnp.zeros_like(v))
+    (to_k, to_v), to_q = jax.lax.scan(add, start, tuple(_in_blocks(x, block) for x in each))
+    return _from_blocks(to_q, q.shape[1]), to_k, to_v, None
+
+
+attend.defvjp(_attend_forward, _attend_backward)
+
+
+def _score_of_a_token(mask: Bool[Array, "token"]) -> Float[Array, "token 1"]:
+    """What a token's scores are raised by: so little where it is not valid that its weight is exactly zero."""
+    return jnp.where(mask, 0.0, -1e30)[:, None]
+
+
+def _append(x: Float[Array, "head token feature"], last: Array) -> Float[Array, "head token more"]:
+    """A further feature behind the others: a product with it adds to the scores on its way."""
+    return jnp.concatenate([x, jnp.broadcast_to(last, (*x.shape[:-1], 1)).astype(x.dtype)], axis=-1)
+
+
+def _in_blocks(x: Float[Array, "head query feature"], block: int) -> Float[Array, "step head block feature"]:
+    heads, queries, features = x.shape
     count = -(-queries // block)
-    rows = jnp.pad(q, ((0, 0), (0, count * block - queries), (0, 0))).reshape(heads, count, block, -1)
-    mixed = jax.lax.map(jax.checkpoint(lambda few: attend(few, k, v, mask)), rows.swapaxes(0, 1))
-    return mixed.swapaxes(0, 1).reshape(heads, count * block, -1)[:, :queries]
+    rows = jnp.pad(x, ((0, 0), (0, count * block - queries), (0, 0)))
+    return rows.reshape(heads, count, block, features).swapaxes(0, 1)
+
+
+def _from_blocks(x: Float[Array, "step head block feature"], queries: int) -> Float[Array, "head query feature"]:
+    count, heads, block, features = x.shape
+    return x.swapaxes(0, 1).reshape(heads, count * block, features)[:, :queries]
 
 
 class VNAttention(nnx.Module):
@@ -87,8 +152,8 @@ class VNAttention(nnx.Module):
             return y.transpose(2, 0, 1, 3).reshape(self.heads, tokens, -1)
 
         q, k, v = by_head(self.to_q), by_head(self.to_k), by_head(self.to_v)
-        mix = attend if tokens <= LARGE_FRAME else attend_in_blocks
-        mixed = mix(q * q.shape[-1] ** -0.5, k, v * mask.any(), mask)
+        block = max(SMALLEST_BLOCK, -(-tokens // MOST_BLOCKS))
+        mixed = attend(q * q.shape[-1] ** -0.5, k, v * mask.any(), mask, block)
         mixed = mixed.reshape(self.heads, tokens, slots, -1).transpose(1, 2, 0, 3)
         return self.to_out(mixed.reshape(tokens, slots, -1))
 

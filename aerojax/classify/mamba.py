@@ -115,8 +115,8 @@ class MambaMixer(nnx.Module):
         states, rank = self.A_log[...].shape[1], self.dt_weight[...].shape[1]
         low_rank, B, C = jnp.split(self.x_proj(x), [rank, rank + states], axis=-1)
         dt = jax.nn.softplus(low_rank @ self.dt_weight[...].T + self.dt_bias[...])
-        decay = jnp.exp(dt[..., None] * -jnp.exp(self.A_log[...]))
-        return decay, (dt * x)[..., None] * B[..., None, :], C
+        decay = jnp.exp(jnp.einsum("...i,is->...is", dt, -jnp.exp(self.A_log[...])))
+        return decay, jnp.einsum("...i,...s->...is", dt * x, B), C
 
     def _emit(self, states: Array, readout: Array, x: Array, z: Array) -> Array:
         y = jnp.einsum("...cs,...s->...c", states, readout) + self.D[...] * x
@@ -156,7 +156,7 @@ class MambaStack(nnx.Module):
             return (drop(layer.mixer(layer.norm(residual)), self.dropout, key=element_key), residual), None
 
         carry = (hidden, jnp.zeros_like(hidden))
-        (hidden, residual), _ = jax.lax.scan(step, carry, (self.layers, rates, keys))
+        (hidden, residual), _ = jax.lax.scan(step, carry, (self.layers, rates, keys), unroll=True)
         return self.norm(hidden + residual)
 
     def initial_state(self) -> MambaState:

@@ -17,8 +17,8 @@ import numpy as np
 
 MISSING = "not measured: install .[bench], or name a Python that has torch, VN-transformer and mambapy in TORCH_PYTHON"
 THREADS = 2
-REPEATS = 3
-REPEATS_FULL = 2
+REPEATS = 7
+REPEATS_FULL = 3
 LENGTHS = (16, 32, 64, 128, 256, 512)
 LENGTH_TOKENS = 64
 _WORKER = Path(__file__).with_name("_classifier_worker.py")
@@ -81,12 +81,12 @@ class Worker:
 
 
 @contextmanager
-def open_worker(name: str) -> Iterator[Worker]:
-    """The process of one of `IMPLEMENTATIONS`."""
+def open_worker(name: str, *, keep: bool = False) -> Iterator[Worker]:
+    """The process of one of `IMPLEMENTATIONS`; with `keep` it keeps the memory that it frees, as training does."""
     framework, options = IMPLEMENTATIONS[name]
     python = sys.executable if framework == "jax" else torch_python()
     assert python is not None
-    command = [python, str(_WORKER), framework, json.dumps(options), str(THREADS)]
+    command = [python, str(_WORKER), framework, json.dumps(options), str(THREADS), *["keep"] * keep]
     pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with subprocess.Popen(command, text=True, **pipes) as process:
         try:
@@ -99,7 +99,7 @@ def times(names: list[str], act: str, size: Size) -> dict[str, dict[str, list[fl
     """Interleaved repetitions: every implementation once, then every one again; a first round compiles and warms up."""
     spent: dict[str, dict[str, list[float]]] = {name: {"wall": [], "cpu": []} for name in names}
     with ExitStack() as stack:
-        workers = {name: stack.enter_context(open_worker(name)) for name in names}
+        workers = {name: stack.enter_context(open_worker(name, keep=True)) for name in names}
         for repeat in range(1 + (REPEATS_FULL if size == FULL else REPEATS)):
             for name, worker in workers.items():
                 answer = worker.call(act, size)
@@ -109,7 +109,7 @@ def times(names: list[str], act: str, size: Size) -> dict[str, dict[str, list[fl
 
 
 def peak_megabytes(name: str, act: str, size: Size) -> dict[str, float]:
-    """Of one call in a fresh process: the peak less what was resident after imports, and the whole process' peak."""
+    """Of one call in a fresh process: what it adds (`call_mb`) and the whole process at that moment (`process_mb`)."""
     with open_worker(name) as worker:
         return worker.call(act, size, memory=True)
 
@@ -130,7 +130,8 @@ def compare(names: list[str], act: str, size: Size) -> dict[str, Any]:
             pairs = zip(spent[theirs]["wall"], spent[ours]["wall"], strict=True)
             row[f"{ours}_over_{theirs}"] = {
                 "times_faster": round(float(np.median([b / a for b, a in pairs])), 2),
-                "times_less_memory": round(memory[theirs]["peak_mb"] / memory[ours]["peak_mb"], 2),
+                "times_less_memory": round(memory[theirs]["call_mb"] / memory[ours]["call_mb"], 2),
+                "times_smaller_process": round(memory[theirs]["process_mb"] / memory[ours]["process_mb"], 2),
             }
     return row
 
@@ -138,7 +139,7 @@ def compare(names: list[str], act: str, size: Size) -> dict[str, Any]:
 def growth_in_time(act: str) -> dict[str, Any]:
     """Processor seconds of the exact variant over a 32-fold range of frames, and the slope in log-log."""
     rows = []
-    with open_worker("exact") as worker:
+    with open_worker("exact", keep=True) as worker:
         for frames in LENGTHS:
             size = Size(1, frames, LENGTH_TOKENS)
             answers = [worker.call(act, size) for _ in range(REPEATS + 1)][1:]
@@ -165,7 +166,8 @@ def measure() -> dict[str, Any] | str:
     return {
         "implementations": about(names) if torch_python() else {**about(names), "torch": MISSING},
         "note": "PyTorch: VN-transformer and mambapy, eager; sizes of the published model (7 slots a token). `exact` "
-        "has 4 slots a token by design, `published` has 7. One clip in a batch, float32, two threads each.",
+        "has 4 slots a token by design, `published` has 7. One clip in a batch, float32, two threads each. For "
+        "times all keep the memory that they free (`experiments.allocator`, as training does); for memory none does.",
         "rows": [compare(names, act, size) for size in SIZES for act in ("forward", "step")],
         "full_forward_process_mb": round(peak_megabytes("exact", "forward", FULL)["process_mb"], 1),
         "growth_in_time": {act: growth_in_time(act) for act in ("forward", "step")},

@@ -17,7 +17,7 @@ from aerojax.classify.lifting import normalise_published
 from aerojax.classify.mamba import MambaMixer, MambaStack, MambaState, sinusoids
 from aerojax.classify.mambasplat import MambaSplat
 from aerojax.classify.predict import classify_next, classify_video, video_vote, window_starts
-from aerojax.classify.vector_neurons import clip_to_half_space, mix_channels
+from aerojax.classify.vector_neurons import clip_to_half_space, divide_by_rms, mix_channels
 from aerojax.classify.weights import CONFIG_KEY, load_metadata, load_weights, save_weights
 from aerojax.config import to_dataclass
 from aerojax.errors import UserError
@@ -41,6 +41,18 @@ def test_rectifier_projects_and_its_gradient_is_that_of_the_formula(x64, slope):
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
     inner, before = jnp.sum(y * k, axis=-2), jnp.sum(q * k, axis=-2)
     np.testing.assert_allclose(inner, jnp.where(before < 0, slope * before, before), atol=1e-12)
+
+
+def test_norm_has_the_gradient_of_its_formula(x64):
+    x, g = jax.random.normal(jax.random.key(0), (2, 5, 4, 6), jnp.float64)
+    x, gain = x.at[0].set(0.0), jnp.linspace(0.5, 2.0, 6)
+    ours, pull = jax.vjp(divide_by_rms, x, gain)
+    expected, expected_pull = jax.vjp(
+        lambda x, gain: x * gain / jnp.sqrt(jnp.sum(x * x, axis=(-2, -1), keepdims=True) / 6 + 1e-6), x, gain
+    )
+    np.testing.assert_allclose(ours, expected, atol=1e-13)
+    for a, b in zip(pull(g), expected_pull(g), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("inputs", "outputs"), [(3, 7), (7, 3)])
