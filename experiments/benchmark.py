@@ -13,7 +13,7 @@ from typing import Any
 
 import jax
 
-SECTIONS = sorted(path.stem for path in (Path(__file__).parent / "benchmarks").glob("[!_]*.py"))
+SECTIONS = sorted(path.stem for path in (Path(__file__).parent / "_benchmarks").glob("[!_]*.py"))
 """Every module in `experiments/benchmarks` is a section: it has `measure() -> dict`."""
 
 
@@ -30,7 +30,7 @@ def measure(sections: list[str]) -> dict[str, Any]:
     for name in sections:
         print(f"{name} …", file=sys.stderr, flush=True)
         try:
-            measured[name] = importlib.import_module(f"experiments.benchmarks.{name}").measure()
+            measured[name] = importlib.import_module(f"experiments._benchmarks.{name}").measure()
         except Exception as error:  # the other sections' minutes are not lost with it
             traceback.print_exc()
             measured[name] = f"failed: {error}"

@@ -13,15 +13,15 @@ from rich.console import Console
 from rich.table import Table
 
 from aerojax.capture.format import Capture, read_capture
-from aerojax.classify.mambasplat import MambaSplat
+from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.classify.weights import load_metadata, load_weights
-from aerojax.pipeline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
-from aerojax.types import CLASSES
-from aerojax.view.report import write_report
-from experiments.classification_page import classification_report
-from experiments.launch import REPOSITORY, Run, experiment, write_json
-from experiments.progress import progress_bar
-from experiments.sample import SampleConfig, sample_capture
+from aerojax.core.types import CLASSES
+from aerojax.pipeline.offline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
+from aerojax.simulate.sample import SampleConfig, sample_capture
+from aerojax.view.report.content import write_report
+from aerojax.view.report.gather import classification_report
+from experiments._launch.command import REPOSITORY, Run, experiment, write_json
+from experiments._launch.progress import progress_bar
 
 PRETRAINED = REPOSITORY / "aerojax" / "classify" / "pretrained" / "mambasplat_ex_small.safetensors"
 

@@ -11,13 +11,13 @@ from rich.console import Console
 from rich.table import Table
 
 from aerojax.capture.format import read_capture
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
-from aerojax.pipeline import PipelineConfig, probabilities_so_far, reconstruct_capture
-from aerojax.types import CLASSES
+from aerojax.pipeline.offline import PipelineConfig, probabilities_so_far, reconstruct_capture
+from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.progress import progress_bar
 from experiments.classify import load_classifier, true_class
-from experiments.launch import Run, experiment, provenance, write_json
-from experiments.progress import progress_bar
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,9 @@ def main(config: Config, run: Run) -> None:
     folders = sorted(p.parent for p in config.captures.glob("*/capture.json"))
     if not folders:
         raise UserError(
-            f"captures={config.captures} holds no folder with a capture.json; name the folder above the captures"
+            "missing",
+            f"captures={config.captures} holds no folder with a capture.json",
+            "name the folder above the captures",
         )
     model, tokens = load_classifier(config.weights)
     table = Table("capture", "truth", "label", "probability", "frames")

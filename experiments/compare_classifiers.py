@@ -14,13 +14,13 @@ import jax
 import numpy as np
 from rich.console import Console
 
+from aerojax.evaluate.comparison import RESULT
 from aerojax.evaluate.labels import label_figures
-from aerojax.evaluate.protocols import draw_rotations, protocols_of
+from aerojax.evaluate.rotation_figures import Reading, figures_of, read_all
+from aerojax.evaluate.rotations import draw_rotations, protocols_of
+from aerojax.evaluate.windows import Classifier, Windows, read_classifier, read_prefixes, read_windows
 from experiments import train_classifier
-from experiments.classifier_table import RESULT
-from experiments.clip_windows import Classifier, Windows, read_classifier, read_prefixes, read_windows
-from experiments.launch import Run, experiment, provenance, write_json
-from experiments.rotation_figures import Reading, figures_of, read_all
+from experiments._launch.command import Run, experiment, provenance, write_json
 
 
 @dataclass(frozen=True, kw_only=True)

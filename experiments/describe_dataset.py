@@ -8,19 +8,19 @@ from typing import Any
 
 from rich.console import Console
 
-from aerojax.errors import UserError
-from aerojax.evaluate.dataset_description import Description, describe, to_json
-from aerojax.evaluate.dataset_manifest import DatasetEntries, SequenceEntry, read_datasets
-from aerojax.evaluate.dataset_observations import Observations, joined, observe_sequence
-from aerojax.view.dataset_page import dataset_page
-from aerojax.view.dataset_plots import standalone
-from aerojax.view.dataset_tables import markdown
-from experiments.dataset_figures import sections_of
-from experiments.dataset_shapes import ShapeJob, ShapeResult, describe_shape
-from experiments.dataset_tables import summary, tables_of
-from experiments.launch import Run, experiment, write_json
-from experiments.progress import progress_bar
-from experiments.worker_pool import run_jobs
+from aerojax.core.errors import UserError
+from aerojax.core.workers import run_jobs
+from aerojax.data.manifest import DatasetEntries, SequenceEntry, read_datasets
+from aerojax.evaluate.dataset_qa.description import Description, describe, to_json
+from aerojax.evaluate.dataset_qa.observations import Observations, joined, observe_sequence
+from aerojax.evaluate.dataset_qa.shape_jobs import ShapeJob, ShapeResult, describe_shape
+from aerojax.view.dataset.figures import sections_of
+from aerojax.view.dataset.page import dataset_page
+from aerojax.view.dataset.plots import standalone
+from aerojax.view.dataset.summary import summary, tables_of
+from aerojax.view.dataset.tables import markdown
+from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.progress import progress_bar
 
 TITLE = "Data set"
 
@@ -57,7 +57,7 @@ class _Job:
 def main(config: Config, run: Run) -> None:
     """Read the data sets and write description.json, description.md, description.html and figures/."""
     if config.every < 1:
-        raise UserError(f"every is {config.every}; use 1 to read all sequences")
+        raise UserError("out-of-range", f"every is {config.every}", "use 1 to read all sequences")
     entries = read_datasets(folders_of(config.dataset))
     shapes = _shapes(entries, config)
     observations = _observations(entries, config)
@@ -71,7 +71,7 @@ def folders_of(dataset: Any) -> tuple[Path, ...]:
     """One folder or a list of them, as the command line gives them."""
     names = [dataset] if isinstance(dataset, str) else dataset
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise UserError(f"dataset is {dataset!r}; use dataset=DIR or dataset=[DIR,DIR]")
+        raise UserError("out-of-range", f"dataset is {dataset!r}", "use dataset=DIR or dataset=[DIR,DIR]")
     return tuple(Path(name) for name in names)
 
 

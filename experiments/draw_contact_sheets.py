@@ -10,13 +10,13 @@ import numpy as np
 from jaxtyping import UInt8
 from rich.console import Console
 
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.portrait import Sitter, encoded
-from aerojax.simulate.usd_scene import load_animated_mesh
-from experiments.launch import Run, experiment
-from experiments.progress import progress_bar
-from kernels.raytrace import Lighting
+from aerojax.simulate.render.portrait import Sitter, encoded
+from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from experiments._launch.command import Run, experiment
+from experiments._launch.progress import progress_bar
+from kernels.rays.raytrace import Lighting
 
 CAPTION = 18
 """Rows below each identity for its name."""
@@ -88,7 +88,11 @@ def write_jpeg(path: Path, image: UInt8[np.ndarray, "row column 3"], largest_byt
         if len(data) <= largest_bytes:
             path.write_bytes(data)
             return len(data)
-    raise UserError(f"{path} takes more than sheet.largest_bytes={largest_bytes}; make sheet.width and height smaller")
+    raise UserError(
+        "out-of-range",
+        f"{path} takes more than sheet.largest_bytes={largest_bytes}",
+        "make sheet.width and height smaller",
+    )
 
 
 @experiment(Config)
@@ -105,7 +109,9 @@ def main(config: Config, run: Run) -> None:
                 cells.append(cell(identity, config.assets, config.sheet))
                 bar.advance(task)
             if not cells:
-                raise UserError(f"labels: no identity of class {label!r}; choose of bird, drone, airplane, helicopter")
+                raise UserError(
+                    "invalid", f"labels: no identity of class {label!r}", "choose of bird, drone, airplane, helicopter"
+                )
             image = arranged(cells, config.sheet.columns)
             size = write_jpeg(folder / f"{label}.jpg", image, config.sheet.largest_bytes)
             Console().print(f"{folder / label}.jpg: {len(cells)} identities, {size // 1000} kB", soft_wrap=True)

@@ -9,14 +9,14 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from aerojax.core.types import CLASSES
 from aerojax.evaluate.bootstrap import accuracy, paired_interval
-from aerojax.evaluate.protocols import TEST_ROTATIONS, TrainRotation, protocols_of
-from aerojax.types import CLASSES
+from aerojax.evaluate.rotation_figures import Answers, Reading, figures_of, passes, read_all, video_confusions
+from aerojax.evaluate.rotations import TEST_ROTATIONS, TrainRotation, protocols_of
+from aerojax.evaluate.windows import Classifier, Windows, read_classifier, read_windows
+from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.progress import progress_bar
 from experiments.classify import PRETRAINED
-from experiments.clip_windows import Classifier, Windows, read_classifier, read_windows
-from experiments.launch import Run, experiment, provenance, write_json
-from experiments.progress import progress_bar
-from experiments.rotation_figures import Answers, Reading, figures_of, passes, read_all, video_confusions
 
 
 @dataclass(frozen=True, kw_only=True)

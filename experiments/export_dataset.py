@@ -8,10 +8,10 @@ from typing import Any
 
 from rich.console import Console
 
-from aerojax.capture.exports.export import chosen_formats, export_dataset, find_notices
-from aerojax.capture.exports.sources import ExportOptions, Placement, ReplicatorLayout, find_sequences
-from experiments.launch import Run, experiment, write_json
-from experiments.progress import progress_bar
+from aerojax.data.exports.export import chosen_formats, export_dataset, find_notices
+from aerojax.data.exports.sources import ExportOptions, Placement, ReplicatorLayout, find_sequences
+from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,17 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.capture.format import read_capture
-from aerojax.gaussians.ply import write_ply
+from aerojax.gaussians.io.ply import write_ply
+from aerojax.gaussians.io.usd import write_usd
 from aerojax.gaussians.rotate import transform
-from aerojax.gaussians.usd import write_usd
-from aerojax.pipeline import PipelineConfig, frame_images
-from aerojax.reconstruct.fit import GaussianFitConfig, fit_gaussians
+from aerojax.pipeline.offline import PipelineConfig, frame_images
+from aerojax.reconstruct.fit.held_out import measure, split_views
+from aerojax.reconstruct.fit.matte import matted_views
+from aerojax.reconstruct.fit.optimise import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.hull import hull_gaussians
-from aerojax.reconstruct.matte import matted_views
-from experiments.held_out import measure, split_views
-from experiments.launch import Run, experiment, write_json
-from experiments.progress import progress_bar
-from experiments.sample import SampleConfig, sample_capture
+from aerojax.simulate.sample import SampleConfig, sample_capture
+from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from aerojax.config import to_mapping
-from aerojax.simulate.campaign import CampaignConfig, SequenceTask, count, work_list
-from aerojax.simulate.manifest import ENTRY
-from aerojax.simulate.sizes import estimated_bytes
-from experiments.dataset_factory import Made, Shard, make_dataset
-from experiments.launch import Run, experiment, write_json
+from aerojax.core.config import to_mapping
+from aerojax.simulate.generate import Made, Shard, make_dataset
+from aerojax.simulate.plan.dataset import CampaignConfig, SequenceTask, count, work_list
+from aerojax.simulate.plan.sizes import estimated_bytes
+from aerojax.simulate.publish.manifest import ENTRY
+from experiments._launch.command import Run, experiment, write_json
 
 
 @dataclass(frozen=True, kw_only=True)

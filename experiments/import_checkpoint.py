@@ -9,10 +9,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from aerojax.classify.checkpoint_import import import_checkpoint
+from aerojax.classify.released.checkpoint import import_checkpoint
 from aerojax.classify.weights import save_weights
-from aerojax.config import to_mapping
-from experiments.launch import Run, experiment, provenance, write_json
+from aerojax.core.config import to_mapping
+from experiments._launch.command import Run, experiment, provenance, write_json
 
 
 @dataclass(frozen=True)

@@ -10,17 +10,17 @@ from pathlib import Path
 import jax
 from rich.console import Console
 
-from aerojax.classify.checkpoint_import_frames import FrameReading, read_sequence
-from aerojax.classify.checkpoint_import_layout import Split, find_sequences
-from aerojax.config import to_mapping
-from aerojax.errors import UserError
+from aerojax.core.config import to_mapping
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
+from aerojax.data.imports.released_frames import FrameReading, read_sequence
+from aerojax.data.imports.released_layout import Split, find_sequences
 from aerojax.gaussians.decimate import DecimationConfig
-from aerojax.simulate.dataset import sequence_seed
-from aerojax.training.data import save_clip
-from aerojax.types import CLASSES
-from experiments.clip_factory import MANIFEST
-from experiments.launch import Run, experiment, write_json
-from experiments.progress import progress_bar
+from aerojax.pipeline.clips import MANIFEST
+from aerojax.simulate.plan.single import sequence_seed
+from aerojax.training.variation import save_clip
+from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,22 @@ class Config:
 def main(config: Config, run: Run) -> None:
     """Write the clips that are missing, `<out>/<split>/<sequence>.npz`; then name every file that was unreadable."""
     if config.label not in (None, *CLASSES):
-        raise UserError(f"label {config.label!r} is no class; choose one of {', '.join(CLASSES)}")
+        raise UserError("out-of-range", f"label {config.label!r} is no class", f"choose one of {', '.join(CLASSES)}")
     if config.version < 0 or config.tokens < 1:
-        raise UserError(f"version {config.version} must be at least 0 and tokens {config.tokens} at least 1")
+        raise UserError(
+            "out-of-range",
+            f"version {config.version} must be at least 0 and tokens {config.tokens} at least 1",
+            "correct them",
+        )
     reading = FrameReading(config.version, config.tokens, config.decimation)
     sequences = find_sequences(config.source, label=config.label, split=config.split)
     # Notes of the reconstruction go into trained weights; here it was somebody else's.
     origin = {"source": str(config.source), "seed": config.seed, "reading": to_mapping(reading)}
     manifest, path = {"pipeline": {"imported": origin}}, config.out / MANIFEST
     if path.is_file() and json.loads(path.read_text()) != manifest:
-        raise UserError(f"{path}: out holds clips of another source or configuration; choose another folder")
+        raise UserError(
+            "invalid", f"{path}: out holds clips of another source or configuration", "choose another folder"
+        )
     config.out.mkdir(parents=True, exist_ok=True)
     write_json(path, manifest)
     counts, problems = Counter[str](), list[str]()
@@ -75,7 +81,9 @@ def main(config: Config, run: Run) -> None:
     write_json(run.directory / "metrics.json", {"folder": str(config.out), "clips": counts, "problems": problems})
     Console().print(f"{config.out}: {dict(counts)}", soft_wrap=True)
     if problems:
-        raise UserError("some sequences left no clip; mend the files and run again:\n  " + "\n  ".join(problems))
+        raise UserError(
+            "invalid", "some sequences left no clip; mend the files and run again:\n  " + "\n  ".join(problems)
+        )
 
 
 if __name__ == "__main__":

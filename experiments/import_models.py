@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.table import Table
 
 from aerojax.simulate.assets.catalogue import build_identity
-from aerojax.simulate.assets.imported import imported_identities
-from aerojax.simulate.usd_scene import load_animated_mesh
+from aerojax.simulate.assets.importers.identities import imported_identities
+from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from experiments._launch.command import Run, experiment, write_json
 from experiments.draw_contact_sheets import SheetConfig, arranged, cell, write_jpeg
-from experiments.launch import Run, experiment, write_json
 
 
 @dataclass(frozen=True)

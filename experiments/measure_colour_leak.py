@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 
-from aerojax.evaluate.colour_leak import CLASSIFIERS, colour_statistics, measure_leak
+from aerojax.core.types import CLASSES
+from aerojax.evaluate.dataset_qa.colour_leak import CLASSIFIERS, colour_statistics, measure_leak
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
 from aerojax.simulate.assets.variation import seed_of
-from aerojax.simulate.portrait import Sitter, encoded
-from aerojax.simulate.usd_scene import load_animated_mesh
-from aerojax.types import CLASSES
-from experiments.launch import Run, experiment, write_json
-from experiments.progress import progress_bar
-from kernels.raytrace import Lighting
+from aerojax.simulate.render.portrait import Sitter, encoded
+from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.progress import progress_bar
+from kernels.rays.raytrace import Lighting
 
 LIGHTS = ("albedo", "lit")
 """Even light from everywhere, so that pixels show the paint alone; and sun, sky and ground."""

@@ -13,11 +13,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from aerojax.classify.config import MambaSplatConfig, Mode, published_config
-from aerojax.classify.cost import operations, parameter_count, unused_bridge_parameters
-from aerojax.classify.mambasplat import MambaSplat
-from experiments.launch import Run, experiment, provenance, write_json
-from experiments.progress import progress_bar
+from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
+from aerojax.classify.mambasplat.cost import operations, parameter_count, unused_bridge_parameters
+from aerojax.classify.mambasplat.model import MambaSplat
+from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True)

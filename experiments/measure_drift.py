@@ -11,13 +11,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from aerojax.classify.config import MambaSplatConfig, Mode, published_config
-from aerojax.classify.mambasplat import MambaSplat
+from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
+from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.evaluate.drift_passes import relabelling_drift, rotation_drift
+from aerojax.evaluate.windows import Windows, read_classifier, read_windows
+from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.progress import progress_bar
 from experiments.classify import PRETRAINED
-from experiments.clip_windows import Windows, read_classifier, read_windows
-from experiments.drift_passes import relabelling_drift, rotation_drift
-from experiments.launch import Run, experiment, provenance, write_json
-from experiments.progress import progress_bar
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from experiments.clip_factory import ClipsConfig, make_clips
-from experiments.launch import Run, experiment, write_json
+from aerojax.pipeline.clips import ClipsConfig, make_clips
+from experiments._launch.command import Run, experiment, write_json
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,20 +10,20 @@ from typing import Any
 import jax
 from rich.console import Console
 
-from aerojax.classify.config import MambaSplatConfig
-from aerojax.classify.mambasplat import MambaSplat
-from aerojax.config import to_mapping
-from aerojax.training.data import VariationConfig
+from aerojax.classify.card import keep_model
+from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.core.config import to_mapping
+from aerojax.core.types import CLASSES
+from aerojax.evaluate.clip_reading import load_split, test_figures
+from aerojax.pipeline.clips import pipeline_of
 from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
 from aerojax.training.loop import TrainingConfig, fit
-from aerojax.types import CLASSES
-from experiments.allocator import keep_freed_memory
-from experiments.classifier_task import ClipTask
-from experiments.clip_factory import pipeline_of
-from experiments.clip_reading import load_split, test_figures
-from experiments.launch import Run, experiment, provenance, write_json
-from experiments.model_card import keep_model
-from experiments.training_screen import training_screen
+from aerojax.training.memory import keep_freed_memory
+from aerojax.training.tasks.classification import ClipTask
+from aerojax.training.variation import VariationConfig
+from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.training_screen import training_screen
 
 
 @dataclass(frozen=True)

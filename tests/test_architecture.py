@@ -85,11 +85,11 @@ def test_imports_point_left(path):
     [
         ("geometry", "aerojax.gaussians.render"),
         ("simulate", "aerojax.reconstruct.hull"),
-        ("view", "aerojax.pipeline"),
+        ("view", "aerojax.pipeline.offline"),
         ("classify", "hydra"),
-        ("kernels", "aerojax.types"),
-        ("capture", "kernels.splat"),
-        ("training", "aerojax.classify.mambasplat"),
+        ("kernels", "aerojax.core.types"),
+        ("capture", "kernels.splat.blend"),
+        ("training", "aerojax.classify.mambasplat.model"),
     ],
 )
 def test_the_import_check_can_fail(room, module):

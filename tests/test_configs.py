@@ -10,8 +10,8 @@ from hydra import compose, initialize_config_dir
 from hydra.core.global_hydra import GlobalHydra
 from omegaconf import OmegaConf
 
-from aerojax.config import to_dataclass
-from aerojax.errors import UserError
+from aerojax.core.config import to_dataclass
+from aerojax.core.errors import UserError
 
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = sorted(p.stem for p in (ROOT / "conf").glob("*.yaml") if p.stem != "base")
@@ -85,6 +85,6 @@ def test_all_mistakes_at_once():
 
 
 def test_paths_do_not_depend_on_the_working_directory():
-    from experiments.launch import CONF_DIR
+    from experiments._launch.command import CONF_DIR
 
     assert CONF_DIR.is_absolute()

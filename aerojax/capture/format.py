@@ -23,9 +23,9 @@ from aerojax.capture.truth import (
     truth_from_json,
     truth_to_json,
 )
-from aerojax.capture.validate import FORMAT, OPTIONAL_IMAGES, VERSION, examine
-from aerojax.errors import UserError
-from aerojax.types import Camera
+from aerojax.capture.validate.examination import FORMAT, OPTIONAL_IMAGES, VERSION, examine
+from aerojax.core.errors import UserError
+from aerojax.core.types import Camera
 
 __all__ = [
     "Capture",
@@ -96,7 +96,7 @@ def read_capture(folder: Path) -> Capture:
     if examined.problems:
         count = len(examined.problems)
         lines = "\n".join(f"  {problem}" for problem in examined.problems)
-        raise UserError(f"capture {folder} has {count} problem{'s' if count > 1 else ''}:\n{lines}")
+        raise UserError("invalid", f"capture {folder} has {count} problem{('s' if count > 1 else '')}:\n{lines}")
     raw = examined.capture
     assert raw is not None  # the validator returns it whenever there is no problem
     cameras = tuple(_camera_from_json(camera) for camera in raw["cameras"])
@@ -133,7 +133,9 @@ def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
     """
     path = capture.folder / "capture.json"
     if path.exists() and not overwrite:
-        raise UserError(f"{path}: there is a capture already; choose another folder or set overwrite=True")
+        raise UserError(
+            "occupied", f"{path}: there is a capture already", "choose another folder or set overwrite=True"
+        )
     head = {"format": FORMAT, "version": VERSION, "fps": capture.fps, "frames": capture.frames}
     body: dict[str, Any] = {**head, "cameras": [_camera_to_json(camera) for camera in capture.cameras]}
     capture.folder.mkdir(parents=True, exist_ok=True)
@@ -162,7 +164,9 @@ def _write_json(path: Path, value: dict[str, Any], indent: int | None = None) ->
     try:
         text = json.dumps(value, indent=indent, allow_nan=False)
     except ValueError:
-        raise UserError(f"{path}: a number to write is NaN or infinite; check poses and calibration") from None
+        raise UserError(
+            "out-of-range", f"{path}: a number to write is NaN or infinite", "check poses and calibration"
+        ) from None
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
@@ -183,7 +187,9 @@ def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capt
         UserError: `rotation` is not orthonormal with determinant 1 (within 1e-6).
     """
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
-        raise UserError("rotate_world: `rotation` must be orthonormal with determinant 1; normalise it first")
+        raise UserError(
+            "unreadable", "rotate_world: `rotation` must be orthonormal with determinant 1", "normalise it first"
+        )
     turn = np.eye(4)
     turn[:3, :3] = rotation
     cameras = tuple(

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path, PureWindowsPath
 
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
 
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v")
 RGB_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -88,7 +88,7 @@ def locate(folder: Path, pattern: str, frame: int) -> Path:
     relative = frame_path(pattern, frame)
     path = folder / relative
     if relative_path_problem(relative) or not is_inside(folder, path):
-        raise UserError(f"{relative}: leaves the capture's folder {folder}; put the file inside it")
+        raise UserError("invalid", f"{relative}: leaves the capture's folder {folder}", "put the file inside it")
     if not path.is_file():
-        raise UserError(f"{path}: the file is missing; restore it or validate the capture")
+        raise UserError("missing", f"{path}: the file is missing", "restore it or validate the capture")
     return path

@@ -9,11 +9,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8, UInt16
 
+from aerojax.capture.codecs.png import encode_png
+from aerojax.capture.codecs.tiff import encode_tiff
 from aerojax.capture.format import CaptureCamera
 from aerojax.capture.paths import frame_path, is_video, relative_path_problem
-from aerojax.capture.png import encode_png
-from aerojax.capture.tiff import encode_tiff
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def write_frame(
     """
     if is_video(camera.rgb):
         raise UserError(
-            f"camera {camera.name}: rgb is the video {camera.rgb}; frames are written to a {{frame}} pattern"
+            "invalid", f"camera {camera.name}: rgb is the video {camera.rgb}", "frames are written to a {frame} pattern"
         )
     extra = extra or FrameExtras()
     images = {
@@ -98,11 +98,13 @@ def _write(
         return
     if pattern is None or image is None:
         given, absent = ("array", "pattern") if pattern is None else ("pattern", "array")
-        raise UserError(f"camera {camera.name}: a {kind} {given} without a {kind} {absent}; give both or none")
+        raise UserError(
+            "invalid", f"camera {camera.name}: a {kind} {given} without a {kind} {absent}", "give both or none"
+        )
     _check_place(camera, kind, image, placement)
     relative = frame_path(pattern, frame)
     if problem := relative_path_problem(relative):
-        raise UserError(f"camera {camera.name}: {kind} path {relative!r} {problem}; use a relative path")
+        raise UserError("invalid", f"camera {camera.name}: {kind} path {relative!r} {problem}", "use a relative path")
     path = folder / relative
     path.parent.mkdir(parents=True, exist_ok=True)
     size = camera.width, camera.height
@@ -116,11 +118,15 @@ def _check_place(camera: CaptureCamera, kind: str, image: np.ndarray, placement:
     height, width = image.shape[:2]
     if placement is None and (width, height) != (camera.width, camera.height):
         wanted = f"{camera.width}×{camera.height}"
-        raise UserError(f"camera {camera.name}: {kind} is {width}×{height}, the camera {wanted}")
+        raise UserError(
+            "invalid", f"camera {camera.name}: {kind} is {width}×{height}, the camera {wanted}", "resize it"
+        )
     whole = placement is None or (width, height) == (camera.width, camera.height)
     x, y = (0, 0) if whole else placement.corner
     if min(x, y) < 0 or x + width > camera.width or y + height > camera.height:
-        raise UserError(f"camera {camera.name}: a window of {kind} at {(x, y)} reaches beyond the image; clip it")
+        raise UserError(
+            "invalid", f"camera {camera.name}: a window of {kind} at {(x, y)} reaches beyond the image", "clip it"
+        )
 
 
 def _encoded(

@@ -13,11 +13,11 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save_file
 
-from aerojax.classify.config import MambaSplatConfig
-from aerojax.classify.mambasplat import MambaSplat
-from aerojax.classify.published import parameter_paths
-from aerojax.config import to_dataclass
-from aerojax.errors import UserError
+from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.classify.released.tensor_names import parameter_paths
+from aerojax.core.config import to_dataclass
+from aerojax.core.errors import UserError
 
 CONFIG_KEY = "mambasplat_config"
 
@@ -46,7 +46,9 @@ def load_weights(path: Path) -> MambaSplat:
     """
     tensors, header = _read(path)
     if CONFIG_KEY not in header:
-        raise UserError(f"{path} has no {CONFIG_KEY} in its header; write weights with aerojax.classify.weights")
+        raise UserError(
+            "missing", f"{path} has no {CONFIG_KEY} in its header", "write weights with aerojax.classify.weights"
+        )
     config = to_dataclass(json.loads(header[CONFIG_KEY]), MambaSplatConfig, source=str(path))
     shapes = jax.eval_shape(lambda key: MambaSplat(config, key=key), jax.random.key(0))
     expected = {name: leaf.shape for name, leaf in parameter_paths(shapes)}
@@ -59,8 +61,9 @@ def load_weights(path: Path) -> MambaSplat:
     ]
     if problems:
         raise UserError(
+            "invalid",
             f"{path} does not fit its own configuration; train again or fetch the file anew:\n  "
-            + "\n  ".join(problems)
+            + "\n  ".join(problems),
         )
     return jax.tree.unflatten(jax.tree.structure(shapes), [jnp.asarray(tensors[name]) for name in expected])
 
@@ -76,9 +79,11 @@ def load_metadata(path: Path) -> dict[str, str]:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     if not path.is_file():
-        raise UserError(f"weights file {path} does not exist; train a model or correct the path")
+        raise UserError("missing", f"weights file {path} does not exist", "train a model or correct the path")
     try:
         with safe_open(path, framework="numpy") as file:
             return {name: file.get_tensor(name) for name in file.keys()}, file.metadata() or {}  # noqa: SIM118
     except SafetensorError as error:
-        raise UserError(f"{path} is not a complete safetensors file ({error}); fetch or write it again") from None
+        raise UserError(
+            "unreadable", f"{path} is not a complete safetensors file ({error})", "fetch or write it again"
+        ) from None

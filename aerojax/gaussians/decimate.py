@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, Key
 
-from aerojax.types import Gaussians
-from kernels.farthest_points import farthest_points
+from aerojax.core.types import Gaussians
+from kernels.sampling.farthest_points import farthest_points
 
 
 @dataclass(frozen=True)

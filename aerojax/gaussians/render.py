@@ -8,13 +8,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from aerojax.errors import UserError
-from aerojax.gaussians.spherical_harmonics import colour_in_direction, degree_of
+from aerojax.core.errors import UserError
+from aerojax.core.types import Camera, Gaussians, pytree_dataclass
+from aerojax.gaussians.sh import colour_in_direction, degree_of
 from aerojax.geometry.cameras import invert_rigid
 from aerojax.geometry.rotations import normalise
-from aerojax.types import Camera, Gaussians, pytree_dataclass
-from kernels import splat, splat_reference
-from kernels.splat_projection import LARGEST, RULES, Shape, zero_rows
+from kernels.splat import blend as splat
+from kernels.splat import reference as splat_reference
+from kernels.splat.projection import LARGEST, RULES, Shape, zero_rows
 
 Backend = Literal["warp", "reference"]
 
@@ -71,7 +72,7 @@ def render(
         UserError: unknown `rules`, or a number of colour coefficients other than 1, 4, 9 or 16.
     """
     if rules not in RULES:
-        raise UserError(f"rules: unknown name {rules!r}; choose one of {', '.join(RULES)}")
+        raise UserError("invalid", f"rules: unknown name {rules!r}", f"choose one of {', '.join(RULES)}")
     degree_of(gaussians.sh.shape[-2])
     shape = Shape(camera.width, camera.height, near, rules, antialias)
     draw = splat.splat if backend == "warp" else splat_reference.splat

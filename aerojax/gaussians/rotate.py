@@ -7,11 +7,11 @@ import dataclasses
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from aerojax.gaussians.spherical_harmonics import rotate_sh
+from aerojax.core.types import Gaussians
+from aerojax.gaussians.sh import rotate_sh
 from aerojax.geometry.cameras import transform_points
 from aerojax.geometry.covariances import covariance_from_axes
 from aerojax.geometry.rotations import canonical_sign, normalise, quaternion_from_rotation, quaternion_multiply
-from aerojax.types import Gaussians
 
 
 def covariance(gaussians: Gaussians) -> Float[Array, "*batch gaussian 3 3"]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from aerojax.core.types import Camera
 from aerojax.geometry.rotations import normalise
-from aerojax.types import Camera
 
 
 def invert_rigid(transform: Float[Array, "*batch 4 4"]) -> Float[Array, "*batch 4 4"]:

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from aerojax.core.types import Camera, pytree_dataclass
 from aerojax.geometry.cameras import pixel_rays
 from aerojax.geometry.rotations import rotation_between
-from aerojax.types import Camera, pytree_dataclass
 
 MARGIN = 1.2
 """Side of the crop window over the longer side of the object's box (thesis §5.5.1)."""

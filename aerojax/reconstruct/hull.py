@@ -3,7 +3,7 @@
 Laurentini 1994's visual hull on a grid, but with signed distances to the silhouettes instead of inside/outside votes,
 so that the surface is found between grid points. It is the floor that a learned reconstructor must beat.
 
-Everything works in the frame that the cameras are given in. `aerojax.pipeline` gives them in a frame fixed to the rig,
+Everything works in the frame that the cameras are given in. The pipeline gives them in a frame fixed to the rig,
 hence the grid, and with it the answer, turns with the world.
 """
 
@@ -17,11 +17,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
+from aerojax.core.types import SH_C0, Camera, Gaussians, View
 from aerojax.geometry.cameras import points_in_camera
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
 from aerojax.reconstruct.silhouette import bilinear, signed_distance
-from aerojax.types import SH_C0, Camera, Gaussians, View
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,9 @@ def hull_gaussians(views: View, *, config: HullConfig) -> Gaussians:
     build = jax.jit(partial(visual_hull, config=config))
     gaussians, count, _ = build(views, jnp.ones(len(views.mask), bool))
     if int(count) == 0:
-        raise UserError("the silhouettes of the cameras do not meet: check calibration, masks and clocks")
+        raise UserError(
+            "no-usable-frames", "the silhouettes of the cameras do not meet: check calibration, masks and clocks"
+        )
     return jax.tree.map(lambda x: x[: int(count)], gaussians)
 
 

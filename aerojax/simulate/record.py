@@ -22,17 +22,17 @@ from aerojax.capture.format import (
     Truth,
     write_capture_json,
 )
-from aerojax.capture.images import source_frame
+from aerojax.capture.frames import source_frame
 from aerojax.capture.write import FrameExtras, Placement, write_frame
 from aerojax.geometry.rotations import quaternion_from_rotation
 from aerojax.simulate.assets.catalogue import Identity
-from aerojax.simulate.flight import Flight
-from aerojax.simulate.render import Environment, SceneRenderer
-from aerojax.simulate.rendering import ImageConfig, ObjectView, Rendering
-from aerojax.simulate.scene import StagedObject, author_stage, poses_of, write_scenery
-from aerojax.simulate.sensor import SensorConfig, expose, through_shutter
-from aerojax.simulate.usd_scene import AnimatedMesh, load_animated_mesh
-from kernels.landscape import LandscapeMesh
+from aerojax.simulate.render.image import ImageConfig, ObjectView, Rendering
+from aerojax.simulate.render.scene import Environment, SceneRenderer
+from aerojax.simulate.usd.animated_mesh import AnimatedMesh, load_animated_mesh
+from aerojax.simulate.usd.sequence_stage import StagedObject, author_stage, poses_of, write_scenery
+from aerojax.simulate.world.flight import Flight
+from aerojax.simulate.world.sensor import SensorConfig, expose, through_shutter
+from kernels.rays.landscape import LandscapeMesh
 
 ASSET_LICENCE = "Apache-2.0"
 

@@ -15,7 +15,7 @@ import jax
 import numpy as np
 import orbax.checkpoint as ocp
 
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
 
 _State = TypeVar("_State")
 _SHAPES = "shapes"
@@ -57,7 +57,9 @@ def restore_state(folder: Path, step: int, like: _State) -> _State:
     leaves = [np.asarray(leaf) for leaf in wanted]
     if _SHAPES not in arrays or arrays[_SHAPES].tobytes() != _shapes(leaves).encode():
         raise UserError(
-            f"{path} belongs to another model, optimiser or training set; use a new run directory or the old ones"
+            "mismatch",
+            f"{path} belongs to another model, optimiser or training set",
+            "use a new run directory or the old ones",
         )
     ends = dict.fromkeys(arrays, 0)
     found = []

@@ -16,7 +16,7 @@ from jax.experimental import multihost_utils
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Int
 
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
 
 _Tree = TypeVar("_Tree")
 
@@ -43,14 +43,17 @@ def join_processes(config: DistributionConfig) -> None:
     """
     if not 0 <= config.process < config.processes:
         raise UserError(
-            f"distribution.process={config.process} is none of distribution.processes={config.processes}; "
-            f"number them from 0 to {max(config.processes, 1) - 1}"
+            "out-of-range",
+            f"distribution.process={config.process} is none of distribution.processes={config.processes}",
+            f"number them from 0 to {max(config.processes, 1) - 1}",
         )
     if config.processes == 1:
         return
     if config.coordinator is None:
         raise UserError(
-            "distribution.coordinator is not set; give address:port of process 0, the same to every process"
+            "out-of-range",
+            "distribution.coordinator is not set",
+            "give address:port of process 0, the same to every process",
         )
     jax.config.update("jax_cpu_collectives_implementation", "gloo")
     jax.distributed.initialize(config.coordinator, config.processes, config.process)
@@ -119,7 +122,9 @@ def devices_for(examples: int) -> Devices:
         devices = devices[: max(n for n in range(1, len(devices) + 1) if examples % n == 0)]
     elif examples % len(devices):
         raise UserError(
-            f"training.batch over training.micro_batches is {examples}, which {len(devices)} devices do not divide "
-            f"evenly; make it a multiple of {len(devices)}"
+            "mismatch",
+            f"training.batch over training.micro_batches is {examples}, which {len(devices)} "
+            "devices do not divide evenly",
+            f"make it a multiple of {len(devices)}",
         )
     return Devices(Mesh(np.array(devices), ("batch",)) if len(devices) > 1 else None)

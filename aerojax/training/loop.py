@@ -19,11 +19,11 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float32, Key
 
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
+from aerojax.core.types import pytree_dataclass
 from aerojax.training.checkpoint import latest_step, restore_state, save_state
 from aerojax.training.distribution import Devices, devices_for, from_first_process, is_first_process
 from aerojax.training.optimisers import OptimiserConfig, adamw
-from aerojax.types import pytree_dataclass
 
 _Model = TypeVar("_Model")
 Loss = Callable[[Any, Any, Key[Array, "batch"]], jax.Array]
@@ -104,11 +104,16 @@ def fit(model: _Model, task: Fit, config: TrainingConfig, *, seed: int, director
             checkpoint stays.
     """
     if task.steps_per_epoch < 1:
-        raise UserError(f"training.batch={config.batch} is larger than the training set; lower it or make more clips")
+        raise UserError(
+            "out-of-range",
+            f"training.batch={config.batch} is larger than the training set",
+            "lower it or make more clips",
+        )
     if config.batch % config.micro_batches:
         raise UserError(
-            f"training.micro_batches={config.micro_batches} does not divide training.batch={config.batch} evenly; "
-            "choose a divisor of it"
+            "mismatch",
+            f"training.micro_batches={config.micro_batches} does not divide training.batch={config.batch} evenly",
+            "choose a divisor of it",
         )
     devices = devices_for(config.batch // config.micro_batches)
     optimiser = adamw(config.optimiser, config.epochs * task.steps_per_epoch)
@@ -195,8 +200,10 @@ class _Figures:
         where = "no checkpoint was kept" if kept is None else f"the checkpoint of step {kept} stays"
         epoch = self._first // len(self.known) + 1
         raise UserError(
-            f"the loss or its gradient is not finite at step {self._step} (epoch {epoch}); lower "
-            f"training.optimiser.learning_rate or training.optimiser.clip_norm and start in a new directory ({where})"
+            "unreadable",
+            f"the loss or its gradient is not finite at step {self._step} (epoch {epoch})",
+            "lower training.optimiser.learning_rate or training.optimiser.clip_norm and start in a "
+            f"new directory ({where})",
         )
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import jax
 import pytest
-from broken_captures import BROKEN, EXPECTED
-from command_line import run_command
+from support.broken_captures import BROKEN, EXPECTED
+from support.command_line import run_command
 
-from aerojax.classify.config import MambaSplatConfig
-from aerojax.classify.mambasplat import MambaSplat
+from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.classify.weights import save_weights
 from experiments import classify
-from experiments.launch import REPOSITORY
+from experiments._launch.command import REPOSITORY
 
 AS_PROCESSES = ("no_capture_json", "pose_sheared", "rgb_cut")
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from clip_examples import random_clip
-from command_line import run_command
+from support.clip_examples import random_clip
+from support.command_line import run_command
 
-from aerojax.evaluate.protocols import PROTOCOLS
-from aerojax.training.data import save_clip
-from aerojax.types import CLASSES
+from aerojax.core.types import CLASSES
+from aerojax.evaluate.rotations import PROTOCOLS
+from aerojax.training.variation import save_clip
 from experiments import compare_classifiers
 
 

@@ -9,11 +9,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from command_line import run_command
+from support.command_line import run_command
 
-from aerojax.evaluate.dataset_consistency import consistency
-from aerojax.evaluate.dataset_manifest import read_datasets
-from aerojax.evaluate.dataset_observations import Observations, joined, observe_sequence
+from aerojax.data.manifest import read_datasets
+from aerojax.evaluate.dataset_qa.consistency import consistency
+from aerojax.evaluate.dataset_qa.observations import Observations, joined, observe_sequence
 from experiments import describe_dataset, generate_dataset
 
 pytestmark = pytest.mark.slow

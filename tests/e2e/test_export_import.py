@@ -6,17 +6,17 @@ import json
 
 import numpy as np
 import pytest
-from command_line import run_command
+from support.command_line import run_command
 
 from aerojax.capture.format import read_capture
-from aerojax.capture.images import read_depth, read_mask
+from aerojax.capture.frames import read_depth, read_mask
 from aerojax.simulate.assets.catalogue import build_identity, identities
-from aerojax.simulate.dataset import SequenceConfig, draw_sequence, simulate_sequence
-from aerojax.simulate.flight import Flight
+from aerojax.simulate.plan.single import SequenceConfig, draw_sequence, simulate_sequence
 from aerojax.simulate.record import Actor, ScenePlan, image_patterns, record_scene
-from aerojax.simulate.render import Dome
-from aerojax.simulate.rendering import ImageConfig
-from aerojax.simulate.rigs import RigConfig
+from aerojax.simulate.render.image import ImageConfig
+from aerojax.simulate.render.scene import Dome
+from aerojax.simulate.world.flight import Flight
+from aerojax.simulate.world.rigs import RigConfig
 from experiments import export_dataset, import_replicator
 
 CONFIG = SequenceConfig(rigs=(RigConfig(kind="circle", cameras=3, width=320, height=240),), frames=3, samples=1)

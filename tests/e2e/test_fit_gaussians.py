@@ -8,8 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from aerojax.gaussians.ply import read_ply
-from aerojax.gaussians.usd import read_usd
+from aerojax.gaussians.io.ply import read_ply
+from aerojax.gaussians.io.usd import read_usd
 from experiments import fit_gaussians
 
 

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_line import run_command
 from pxr import Usd
+from support.command_line import run_command
 
 from aerojax.capture.format import read_capture
-from aerojax.capture.images import read_coverage, read_depth, read_flow, read_mask, read_normal
-from aerojax.capture.validate import problems
+from aerojax.capture.frames import read_coverage, read_depth, read_flow, read_mask, read_normal
+from aerojax.capture.validate.examination import problems
 from aerojax.geometry.boxes import box_iou
-from aerojax.simulate.render import project
+from aerojax.simulate.render.scene import project
 from experiments import generate_dataset
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ import json
 
 import cv2
 import pytest
-from command_line import run_command
+from support.command_line import run_command
 
 from aerojax.simulate.assets.catalogue import identities
 from experiments import draw_contact_sheets, measure_colour_leak

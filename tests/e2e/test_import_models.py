@@ -6,8 +6,8 @@ import json
 
 import cv2
 import pytest
-from command_line import run_command
-from gltf_files import triangle
+from support.command_line import run_command
+from support.gltf_files import triangle
 
 from experiments import import_models
 

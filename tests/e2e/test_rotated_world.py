@@ -14,15 +14,15 @@ from scipy.spatial.transform import Rotation
 
 from aerojax.capture.format import Capture, read_capture, rotate_world, write_capture_json
 from aerojax.capture.paths import frame_path
-from aerojax.classify.config import MambaSplatConfig
-from aerojax.classify.mambasplat import MambaSplat
+from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.classify.weights import load_weights
 from aerojax.gaussians.decimate import DecimationConfig
 from aerojax.gaussians.rotate import covariance, rotate
-from aerojax.pipeline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
+from aerojax.pipeline.offline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
 from aerojax.simulate.assets.catalogue import identities
-from aerojax.simulate.dataset import SequenceConfig, simulate_sequence
-from aerojax.simulate.rigs import RigConfig
+from aerojax.simulate.plan.single import SequenceConfig, simulate_sequence
+from aerojax.simulate.world.rigs import RigConfig
 from experiments.classify import PRETRAINED
 
 FRAMES, TOKENS = 6, 128

@@ -8,14 +8,14 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from command_line import run_command
+from support.command_line import run_command
 
 from aerojax.capture.format import read_capture
 from aerojax.classify.weights import load_metadata, load_weights
-from aerojax.config import to_dataclass
+from aerojax.core.config import to_dataclass
+from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import confusion_matrix
-from aerojax.pipeline import PipelineConfig, probabilities_so_far, reconstruct_capture
-from aerojax.types import CLASSES
+from aerojax.pipeline.offline import PipelineConfig, probabilities_so_far, reconstruct_capture
 from experiments import classify
 from experiments.classify import PRETRAINED
 

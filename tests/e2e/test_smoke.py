@@ -9,13 +9,13 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from command_line import run_command
+from support.command_line import run_command
 
 from aerojax.classify.weights import load_metadata, load_weights
-from aerojax.training.data import load_clips
-from aerojax.types import CLASSES
+from aerojax.core.types import CLASSES
+from aerojax.evaluate.clip_reading import predict
+from aerojax.training.variation import load_clips
 from experiments import classify, generate_dataset, reconstruct_dataset, train_classifier
-from experiments.clip_reading import predict
 
 
 @pytest.fixture(scope="module")

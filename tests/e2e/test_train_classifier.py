@@ -14,12 +14,12 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from clip_examples import random_clip
+from support.clip_examples import random_clip
 
 from aerojax.classify.weights import load_metadata, load_weights
+from aerojax.core.types import CLASSES
 from aerojax.training.checkpoint import latest_step
-from aerojax.training.data import save_clip
-from aerojax.types import CLASSES
+from aerojax.training.variation import save_clip
 
 ROOT = Path(__file__).resolve().parents[2]
 EPOCHS, STEPS = 6, 4

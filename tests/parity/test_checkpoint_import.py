@@ -7,16 +7,16 @@ import json
 import jax
 import numpy as np
 import pytest
-from command_line import run_command
-from released_weights import recipe_tensors
-from torch_files import write_archive, write_stream
+from support.command_line import run_command
+from support.released_weights import recipe_tensors
+from support.torch_files import write_archive, write_stream
 
-from aerojax.classify.checkpoint_import import import_checkpoint, infer_config
-from aerojax.classify.config import published_config
-from aerojax.classify.mamba import sinusoids
-from aerojax.classify.published import POSITIONS
+from aerojax.classify.mambasplat.config import published_config
+from aerojax.classify.mambasplat.mamba import sinusoids
+from aerojax.classify.released.checkpoint import import_checkpoint, infer_config
+from aerojax.classify.released.tensor_names import POSITIONS
 from aerojax.classify.weights import load_metadata, load_weights
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
 from experiments import import_checkpoint as act
 
 

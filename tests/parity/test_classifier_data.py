@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aerojax.classify.lifting import normalise_published
-from aerojax.classify.predict import video_vote
+from aerojax.classify.mambasplat.lifting import normalise_published
+from aerojax.classify.voting import video_vote
 from aerojax.geometry.rotations import canonical_sign, normalise
 from aerojax.training.loop import smoothed_cross_entropy
-from kernels.farthest_points import farthest_points
-from kernels.farthest_points_reference import farthest_points as farthest_points_reference
+from kernels.sampling.farthest_points import farthest_points
+from kernels.sampling.farthest_points_reference import farthest_points as farthest_points_reference
 
 NEAR_ORIGIN = 1e-3
 """Squared norm up to which the released sampler skips a point."""

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from aerojax.core.types import Camera
 from aerojax.geometry.cameras import points_in_camera, project_points
 from aerojax.geometry.triangulation import intersect_rays
 from aerojax.reconstruct.crop import crop_cameras, crop_window
-from aerojax.types import Camera
 
 RIGS = {"A": ("A0", "A1", "A2", "A3"), "B": ("B0", "B1")}
 SIZE = 256

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from export_examples import write_ball_dataset
+from support.export_examples import write_ball_dataset
 
-from aerojax.capture.exports.export import export_dataset
-from aerojax.capture.exports.run_length import encode_mask
-from aerojax.capture.exports.sources import ExportOptions, find_sequences
 from aerojax.capture.format import read_capture
-from aerojax.capture.images import read_mask
+from aerojax.capture.frames import read_mask
+from aerojax.data.exports.export import export_dataset
+from aerojax.data.exports.run_length import encode_mask
+from aerojax.data.exports.sources import ExportOptions, find_sequences
 
 # pycocotools 2.0.11 decodes through an array class of NumPy 1.
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")

@@ -9,13 +9,13 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from gltf_reference import Reference
 from pxr import Usd, UsdGeom, UsdValidation
 from scipy.spatial import cKDTree
+from support.gltf_reference import Reference
 
 from aerojax.simulate.assets.catalogue import build_identity
-from aerojax.simulate.assets.imported import imported_identities
-from aerojax.simulate.usd_scene import load_animated_mesh
+from aerojax.simulate.assets.importers.identities import imported_identities
+from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 
 CLASSES = {
     "animalia_bird": "bird",

@@ -8,14 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from released_weights import recipe_tensors
+from support.released_weights import recipe_tensors
 
-from aerojax.classify import mambasplat
-from aerojax.classify.config import MambaSplatConfig, published_config
-from aerojax.classify.encoder import masked_mean
-from aerojax.classify.mambasplat import MambaSplat
-from aerojax.classify.published import model_from_published, published_tensors
-from aerojax.errors import UserError
+from aerojax.classify.mambasplat import model as mambasplat
+from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
+from aerojax.classify.mambasplat.encoder import masked_mean
+from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.classify.released.tensor_names import model_from_published, published_tensors
+from aerojax.core.errors import UserError
 from aerojax.geometry.rotations import canonical_sign, normalise, quaternion_from_rotation, quaternion_multiply
 
 # file, specification of its tensors, mode, bias epsilon, f64 tolerance

@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom, UsdSkel
 from scipy.spatial.transform import Rotation, Slerp
 
 from aerojax.simulate.assets import catalogue
-from aerojax.simulate.usd_scene import load_animated_mesh
+from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 
 BIRDS = [i for i in catalogue.identities("test", 3) if i.label == "bird"]
 

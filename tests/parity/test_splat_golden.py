@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kernels import splat as kernel
-from kernels import splat_reference as reference
-from kernels.splat_projection import Shape, project, usable
+from kernels.splat import blend as kernel
+from kernels.splat import reference
+from kernels.splat.projection import Shape, project, usable
 
 SCENES = (
     "01_single",

@@ -9,15 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aerojax.classify.config import published_config
-from aerojax.classify.mambasplat import MambaSplat
-from aerojax.classify.predict import window_starts
-from aerojax.classify.published import published_tensors
+from aerojax.classify.mambasplat.config import published_config
+from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.classify.released.tensor_names import published_tensors
+from aerojax.classify.voting import window_starts
+from aerojax.core.types import Gaussians
 from aerojax.gaussians.rotate import rotate
 from aerojax.geometry.rotations import canonical_sign
-from aerojax.training.data import VariationConfig, stretch_axes, vary_clip
 from aerojax.training.optimisers import OptimiserConfig, decays, learning_rate
-from aerojax.types import Gaussians
+from aerojax.training.variation import VariationConfig, stretch_axes, vary_clip
 
 TRAIN_STRIDE = 3
 

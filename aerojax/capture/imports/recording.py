@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8, UInt32
 
-from aerojax.capture.findings import Problem
+from aerojax.capture.validate.findings import Problem
 
 _SUFFIXES = {
     "rgb": ".png",

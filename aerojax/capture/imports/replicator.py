@@ -12,8 +12,6 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float32, UInt16
 
-from aerojax.capture.exports.sources import safe_name
-from aerojax.capture.findings import Findings, Problem
 from aerojax.capture.format import Capture, CaptureCamera, Truth, read_capture, write_capture_json
 from aerojax.capture.imports.recording import (
     BrokenFile,
@@ -27,9 +25,11 @@ from aerojax.capture.imports.recording import (
 from aerojax.capture.imports.replicator_camera import RecordedPinhole, UpAxis, parse_camera
 from aerojax.capture.imports.replicator_objects import FlyingPrims, find_flying_prims, read_mapping
 from aerojax.capture.imports.replicator_truth import Poses, Sight, look_at_object, read_poses, tracked_objects
-from aerojax.capture.validate import FEWEST_CAMERAS
+from aerojax.capture.validate.examination import FEWEST_CAMERAS
+from aerojax.capture.validate.findings import Findings, Problem
 from aerojax.capture.write import write_frame
-from aerojax.errors import UserError
+from aerojax.core.errors import UserError
+from aerojax.data.exports.sources import safe_name
 
 _STILL = 1e-6  # pixels and metres; a static camera's parameters are written equal
 _DEPTHS = {"distance_to_image_plane": False, "distance_to_camera": True}
@@ -88,9 +88,11 @@ def import_replicator(
         UserError: lists every problem of the recording at once, each with file, field and remedy.
     """
     if out.exists():
-        raise UserError(f"out={out} exists already; choose another folder")
+        raise UserError("out-of-range", f"out={out} exists already", "choose another folder")
     if not settings.fps > 0:
-        raise UserError(f"fps={settings.fps:g} must be positive; give the recording's frames per second")
+        raise UserError(
+            "out-of-range", f"fps={settings.fps:g} must be positive", "give the recording's frames per second"
+        )
     problems: list[Problem] = []
     recorded = scan_recording(recording)
     frames = _common_frames(recording, recorded, problems)
@@ -116,7 +118,7 @@ def _refuse_if(problems: Sequence[Problem], recording: Path) -> None:
     if problems:
         lines = "\n".join(f"  {str(problem).removeprefix(f'{recording}/')}" for problem in problems)
         count = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
-        raise UserError(f"recording {recording} has {count}:\n{lines}")
+        raise UserError("invalid", f"recording {recording} has {count}:\n{lines}")
 
 
 def _common_frames(recording: Path, cameras: Sequence[RecordedCamera], problems: list[Problem]) -> list[int]:

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from jaxtyping import Float64
 
-from aerojax.capture.findings import Findings, shown
+from aerojax.capture.validate.findings import Findings, shown
 
 UpAxis = Literal["z", "y"]
 Z_UP_FROM = {

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aerojax.capture.findings import Problem, shown
 from aerojax.capture.imports.recording import BrokenFile, RecordedCamera, read_json, segment_number
-from aerojax.types import CLASSES
+from aerojax.capture.validate.findings import Problem, shown
+from aerojax.core.types import CLASSES
 
 _NO_OBJECT = ("BACKGROUND", "UNLABELLED")
 _MAPPING, _SEMANTICS = "instance_segmentation_mapping", "instance_segmentation_semantics_mapping"

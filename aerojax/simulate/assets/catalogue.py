@@ -11,23 +11,21 @@ from pathlib import Path
 
 import numpy as np
 
-from aerojax.errors import UserError
-from aerojax.simulate.assets import (
-    airplane_families,
-    airplanes,
-    bird_families,
-    birds,
-    helicopter_families,
-    helicopters,
-    multicopter_families,
-    multicopters,
-)
-from aerojax.simulate.assets.authoring import Asset, write_asset
-from aerojax.simulate.assets.imported_convert import convert_model
-from aerojax.simulate.assets.imported_models import ImportedModel
-from aerojax.simulate.assets.skeletons import write_skinned
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
+from aerojax.simulate.assets.airplanes import author as airplanes
+from aerojax.simulate.assets.airplanes import families as airplane_families
+from aerojax.simulate.assets.birds import author as birds
+from aerojax.simulate.assets.birds import families as bird_families
+from aerojax.simulate.assets.helicopters import author as helicopters
+from aerojax.simulate.assets.helicopters import families as helicopter_families
+from aerojax.simulate.assets.importers.convert import convert_model
+from aerojax.simulate.assets.importers.models import ImportedModel
+from aerojax.simulate.assets.multicopters import author as multicopters
+from aerojax.simulate.assets.multicopters import families as multicopter_families
 from aerojax.simulate.assets.variation import seed_of
-from aerojax.types import CLASSES
+from aerojax.simulate.usd.authoring import Asset, write_asset
+from aerojax.simulate.usd.skeletons import write_skinned
 
 TABLE: dict[str, dict[str, int]] = {
     "bird": {"train": 15, "val": 6, "test": 8},
@@ -52,7 +50,7 @@ class Identity:
     """One individual object.
 
     name: unique, also the stem of its file.
-    label: one of `aerojax.types.CLASSES`.
+    label: one of `aerojax.core.types.CLASSES`.
     family: the ranges that its parameters are drawn from.
     seed: of its shape, motion and colours.
     split: "train", "val" or "test".
@@ -83,12 +81,12 @@ def identities(split: str, per_class: int | None = None, *, per_family: int = 1)
         UserError: if `split` is unknown, a count is negative, or both counts are given.
     """
     if split not in ("train", "val", "test"):
-        raise UserError(f"split is {split!r}; use train, val or test")
+        raise UserError("out-of-range", f"split is {split!r}", "use train, val or test")
     if min(per_class or 0, per_family) < 0:
         name, count = ("per_family", per_family) if per_family < 0 else ("per_class", per_class)
-        raise UserError(f"{name} is {count}; it counts identities and cannot be negative")
+        raise UserError("invalid", f"{name} is {count}", "it counts identities and cannot be negative")
     if per_class is not None and per_family != 1:
-        raise UserError("per_class and per_family are both set; use one of them")
+        raise UserError("invalid", "per_class and per_family are both set", "use one of them")
     counts = {
         label: per_class if per_class is not None else per_family * len(SPLITS[label][split]) for label in CLASSES
     }
@@ -121,7 +119,11 @@ def build_identity(identity: Identity, folder: Path) -> Path:
         return path
     families = SPLITS.get(identity.label, {})
     if not any(identity.family in names for names in families.values()):
-        raise UserError(f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}")
+        raise UserError(
+            "invalid",
+            f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}",
+            "choose a family of the catalogue",
+        )
     if path.exists() and path.with_suffix(".png").exists():
         return path
     rng = np.random.default_rng(identity.seed)

@@ -1,0 +1,1 @@
+"""Image and video files: headers, PNG, float TIFF, video."""

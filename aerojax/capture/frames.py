@@ -1,0 +1,216 @@
+"""Frames of a capture as arrays: undistorted, checked for size, and on the capture's common clock."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float32, UInt16
+
+from aerojax.capture.codecs.tiff import BrokenTiff, decode_tiff
+from aerojax.capture.codecs.video import open_video
+from aerojax.capture.format import Capture, CaptureCamera
+from aerojax.capture.lenses import distort_points, undistort_image, undistort_points
+from aerojax.capture.paths import is_video, locate
+from aerojax.core.errors import UserError
+
+_LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
+"""The 256 values of an 8-bit channel; looking them up is four times as fast as converting and dividing."""
+
+
+def source_frame(capture: Capture, camera_index: int, frame: int) -> int | None:
+    """The camera's own frame that shows the capture's time frame/fps best: round(frame - time_offset_s·fps).
+
+    The image is off by up to half a frame period where the offset is no multiple of it.
+
+    Returns:
+        The index, or None where the camera was not recording at that time.
+
+    Raises:
+        IndexError: `frame` is not a frame of the capture.
+    """
+    if not 0 <= frame < capture.frames:
+        raise IndexError(f"frame {frame} of a capture with {capture.frames} frames")
+    # Halves go up: round-half-even would take one frame twice and skip the next.
+    index = math.floor(frame - capture.cameras[camera_index].time_offset_s * capture.fps + 0.5)
+    return index if 0 <= index < capture.frames else None
+
+
+def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 3"] | None:
+    """One image, sRGB 0..1, undistorted; None where the camera was not recording.
+
+    Videos are decoded in order by a reader that stays open: ask for frames in ascending order.
+
+    Raises:
+        UserError: the file is missing, damaged or of another size.
+    """
+    camera = capture.cameras[camera_index]
+    index = source_frame(capture, camera_index, frame)
+    if index is None:
+        return None
+    path = locate(capture.folder, camera.rgb, index)
+    if is_video(camera.rgb):
+        image = open_video(path).read(index)
+    else:
+        # Orientation tags would turn the image away from its calibration; 16-bit images keep their depth.
+        decoded = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
+        image = cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
+    _check_size(path, image, camera)
+    if image.dtype not in (np.uint8, np.uint16):
+        raise UserError("invalid", f"{path}: has {image.dtype} values", "write an 8- or 16-bit image")
+    image = _undistorted(image, camera)
+    if image.dtype == np.uint8:
+        return cv2.LUT(image, _LEVELS)
+    return image.astype(np.float32) / np.float32(65535)
+
+
+def read_mask(capture: Capture, camera_index: int, frame: int) -> UInt16[np.ndarray, "height width"] | None:
+    """Instance ids, 0 = background, undistorted; None without masks or where the camera was not recording.
+
+    An 8-bit mask of 0 and 255 is a picture of one object and becomes 0 and 1.
+
+    Raises:
+        UserError: the file is missing, damaged, coloured or of another size.
+    """
+    path = _path(capture, camera_index, frame, "mask")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    mask = _decode(path, cv2.IMREAD_UNCHANGED)
+    if mask.ndim != 2 or mask.dtype not in (np.uint8, np.uint16):
+        raise UserError("unreadable", f"{path}: a mask must be a grey 8- or 16-bit image", "convert it")
+    _check_size(path, mask, camera)
+    if mask.dtype == np.uint8 and not np.any((mask != 0) & (mask != 255)):
+        mask = mask // 255
+    return _undistorted(mask.astype(np.uint16), camera, blend=False)
+
+
+def read_depth(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width"] | None:
+    """Depth along the optical axis, metres, 0 = none, undistorted; None as for `read_mask`.
+
+    Raises:
+        UserError: the file is missing, damaged, not float32, of another size, or holds a negative or infinite value.
+    """
+    path = _path(capture, camera_index, frame, "depth")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    depth = _decode(path, cv2.IMREAD_UNCHANGED)
+    if depth.ndim != 2 or depth.dtype != np.float32:
+        raise UserError("unreadable", f"{path}: depth must be one channel of float32", "write metres as a float TIFF")
+    _check_size(path, depth, camera)
+    if not np.all(np.isfinite(depth) & (depth >= 0)):
+        raise UserError("unreadable", f"{path}: depth must be finite and not negative", "write 0 where there is none")
+    return _undistorted(depth, camera, blend=False)
+
+
+def read_coverage(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width"] | None:
+    """Share of each pixel that the objects cover, 0..1, undistorted; None as for `read_mask`.
+
+    Raises:
+        UserError: the file is missing, damaged, not grey with 8 bits, or of another size.
+    """
+    path = _path(capture, camera_index, frame, "coverage")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    coverage = _decode(path, cv2.IMREAD_UNCHANGED)
+    if coverage.ndim != 2 or coverage.dtype != np.uint8:
+        raise UserError(
+            "unreadable", f"{path}: coverage must be a grey 8-bit image", "write 255 where a pixel is covered whole"
+        )
+    _check_size(path, coverage, camera)
+    return cv2.LUT(_undistorted(coverage, camera), _LEVELS)
+
+
+def read_normal(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 3"] | None:
+    """Unit normals of the surfaces in the world frame, 0 where there is none, undistorted; None as for `read_mask`.
+
+    Raises:
+        UserError: the file is missing, damaged, not RGB with 16 bits, or of another size.
+    """
+    path = _path(capture, camera_index, frame, "normal")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    stored = _decode(path, cv2.IMREAD_UNCHANGED)
+    if stored.ndim != 3 or stored.shape[2] != 3 or stored.dtype != np.uint16:
+        raise UserError("unreadable", f"{path}: normals must be a 16-bit RGB image", "write (n + 1)/2·65535")
+    _check_size(path, stored, camera)
+    stored = _undistorted(stored[..., ::-1], camera, blend=False)  # OpenCV decodes to blue, green, red
+    normal = np.zeros(stored.shape, np.float32)
+    some = stored.any(axis=2)
+    directions = stored[some].astype(np.float32) * np.float32(2 / 65535) - 1
+    normal[some] = directions / np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), np.float32(1e-9))
+    return normal
+
+
+def read_flow(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 2"] | None:
+    """Where each pixel moves until the next frame, pixels right and down, undistorted; None as for `read_mask`.
+
+    Both ends of a lens-distorted image's vectors are undistorted.
+
+    Raises:
+        UserError: the file is missing, damaged, not float32 with two channels, of another size, or not finite.
+    """
+    path = _path(capture, camera_index, frame, "flow")
+    if path is None:
+        return None
+    camera = capture.cameras[camera_index]
+    try:
+        flow = decode_tiff(path.read_bytes())
+    except OSError:
+        raise UserError("unreadable", f"{path}: cannot be read", "check the permissions") from None
+    except BrokenTiff as error:
+        raise UserError("invalid", f"{path}: the image {error}", "write or copy it again") from None
+    if flow.shape[2] != 2:
+        raise UserError(
+            "mismatch", f"{path}: flow must have two channels, has {flow.shape[2]}", "write pixels right and down"
+        )
+    _check_size(path, flow, camera)
+    if not np.isfinite(flow).all():
+        raise UserError("unreadable", f"{path}: flow must be finite", "write 0 where nothing moves")
+    return flow if camera.distortion_model == "none" else _undistorted_flow(flow, camera)
+
+
+def _undistorted_flow(flow: np.ndarray, camera: CaptureCamera) -> np.ndarray:
+    flow = _undistorted(flow, camera, blend=False)
+    rows, columns = np.nonzero(flow.any(axis=2))
+    starts = np.stack([columns, rows], axis=1) + 0.5
+    lens = camera.K, camera.distortion_model, camera.distortion
+    ends = distort_points(starts, *lens) + flow[rows, columns]
+    flow[rows, columns] = undistort_points(ends, *lens) - starts
+    return flow
+
+
+def _path(capture: Capture, camera_index: int, frame: int, kind: str) -> Path | None:
+    """The file of one kind of image; None without a pattern or where the camera was not recording."""
+    index = source_frame(capture, camera_index, frame)
+    pattern = getattr(capture.cameras[camera_index], kind)
+    return None if index is None or pattern is None else locate(capture.folder, pattern, index)
+
+
+def _decode(path: Path, flags: int) -> np.ndarray:
+    try:
+        data = np.fromfile(path, dtype=np.uint8)  # decoding from memory also works for paths beyond ASCII
+        image = cv2.imdecode(data, flags) if data.size else None
+    except (cv2.error, OSError):
+        image = None
+    if image is None:
+        raise UserError("unreadable", f"{path}: the image is damaged or cut short", "write or copy it again")
+    return image
+
+
+def _check_size(path: Path, image: np.ndarray, camera: CaptureCamera) -> None:
+    height, width = image.shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        wanted = f"{camera.width}×{camera.height}"
+        raise UserError(
+            "mismatch", f"{path}: is {width}×{height} pixels, camera {camera.name} {wanted}", "correct capture.json"
+        )
+
+
+def _undistorted(image: np.ndarray, camera: CaptureCamera, *, blend: bool = True) -> np.ndarray:
+    return undistort_image(image, camera.K, camera.distortion_model, camera.distortion, blend=blend)

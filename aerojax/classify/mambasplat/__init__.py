@@ -1,0 +1,1 @@
+"""MambaSplat-4D: vector-neuron encoder over Gaussians, Mamba over time."""

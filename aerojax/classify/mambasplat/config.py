@@ -1,0 +1,128 @@
+"""What a MambaSplat model is made of: one frozen dataclass, refused where its fields contradict each other."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, Literal
+
+from aerojax.classify.mambasplat.motion import MOTION_FEATURES
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
+
+Mode = Literal["C", "C_O", "C_SH", "C_S_R", "C_O_S_R", "X"]
+"""Attributes that the model reads: centres C, opacity O, colour SH, scales and rotations S_R; X is all of them."""
+
+Bridge = Literal["vn_in", "l2_norm", "gram", "pairwise", "pca_frame", "vn_std"]
+
+
+def uses_opacity(mode: Mode) -> bool:
+    """Whether the mode reads opacity."""
+    return mode in ("C_O", "C_O_S_R", "X")
+
+
+def uses_colour(mode: Mode) -> bool:
+    """Whether the mode reads the DC colour coefficient."""
+    return mode in ("C_SH", "X")
+
+
+def uses_shape(mode: Mode) -> bool:
+    """Whether the mode reads scales and rotations."""
+    return mode in ("C_S_R", "C_O_S_R", "X")
+
+
+@dataclasses.dataclass(frozen=True)
+class MambaSplatConfig:
+    """Size, operators and input of a MambaSplat model.
+
+    The defaults are the exact variant; `published_config` gives the thesis' released model. `variant` chooses the
+    operators (norms, initialisation, biases), every other field can be changed alone. Rates are probabilities.
+    """
+
+    variant: Literal["published", "exact"] = "exact"
+    mode: Mode = "X"
+    lifting: Literal["columns", "covariance"] = "covariance"
+    scale_normalisation: Literal["clip", "robust", "frame", "none"] = "clip"
+    """Length that positions are divided by: root mean square distance over the clip, median distance over the clip
+    (floaters far away do not count), root mean square over each frame, or 1."""
+    scalar_slots: int = 1
+    """Invariant slots of a token (exact variant only; the published one has one per attribute)."""
+    metric_size: bool = False
+    """Whether log(radius in metres) is a feature: it lifts scale invariance."""
+    motion_features: bool = False
+    """Whether speed, turn and change of shape from frame to frame are features (`motion`): they lift invariance to
+    rotations of single frames, not to those of the clip."""
+    channels: int = 14
+    heads: int = 4
+    head_dim: int = 8
+    depth: int = 4
+    pre_norm: bool = True
+    bias_epsilon: float = 1e-6
+    """Size of the published variant's vector bias, which breaks equivariance; 0 leaves the biases out."""
+    bridge: Bridge = "vn_in"
+    invariants_before_pooling: bool = True
+    token_invariants: int = 32
+    token_features: int = 64
+    temporal: Literal["mamba", "none"] = "mamba"
+    readout: Literal["mean", "last"] = "mean"
+    positional_encoding: bool = False
+    d_model: int = 256
+    mamba_layers: int = 4
+    d_state: int = 16
+    d_conv: int = 4
+    expand: int = 2
+    dropout: float = 0.05
+    drop_path: float = 0.1
+    head_dropout: float = 0.1
+    classes: int = len(CLASSES)
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be built.
+
+        Raises:
+            UserError: names the field and a value that works.
+        """
+        for name in ("scalar_slots", "channels", "heads", "head_dim", "depth", "d_model", "mamba_layers", "classes"):
+            if getattr(self, name) < 1:
+                raise UserError(
+                    "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "it must be at least 1"
+                )
+        for name in ("dropout", "drop_path", "head_dropout"):
+            if not 0 <= getattr(self, name) < 1:
+                raise UserError(
+                    "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "a rate lies in [0, 1)"
+                )
+        if self.d_model % 2:
+            raise UserError("out-of-range", f"d_model is {self.d_model} in MambaSplatConfig", "it must be even")
+        if self.variant == "published":
+            self._refuse_unless_published()
+
+    def _refuse_unless_published(self) -> None:
+        for name, needed in PUBLISHED.items():
+            if getattr(self, name) != needed:
+                raise UserError(
+                    "mismatch",
+                    f"{name} is {getattr(self, name)!r} in MambaSplatConfig, but variant "
+                    f"'published' has no such part: set {name} to {needed!r} or variant to 'exact'",
+                )
+
+
+def frame_extras(config: MambaSplatConfig) -> int:
+    """How many invariants of a frame join its descriptor besides the bridge's."""
+    return config.metric_size + MOTION_FEATURES * config.motion_features
+
+
+PUBLISHED: dict[str, Any] = {
+    "lifting": "columns",
+    "scale_normalisation": "none",
+    "scalar_slots": 1,
+    "metric_size": False,
+    "motion_features": False,
+    "pre_norm": False,
+    "invariants_before_pooling": False,
+}
+
+
+def published_config(mode: Mode = "X", **changes: Any) -> MambaSplatConfig:
+    """The released model's configuration; `changes` are fields of `MambaSplatConfig`."""
+    fields: dict[str, Any] = {"variant": "published", "mode": mode, "positional_encoding": True, **PUBLISHED, **changes}
+    return MambaSplatConfig(**fields)

@@ -1,0 +1,180 @@
+"""From the 14 columns of Gaussians to vector-neuron tokens: normalisation, equivariant vectors, invariant scalars."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+from jaxtyping import Array, Bool, Float, Key
+
+from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, uses_colour, uses_opacity, uses_shape
+from aerojax.classify.mambasplat.encoder import bias_epsilon, masked_mean, weight_init
+from aerojax.classify.mambasplat.motion import median_distance, motion_invariants
+from aerojax.classify.mambasplat.vector_neurons import VNLinear, draw_weight
+from aerojax.core.types import SH_C0
+from aerojax.geometry.covariances import covariance_from_axes
+from aerojax.geometry.rotations import canonical_sign, normalise, rotation_from_quaternion
+
+SMALLEST_RELATIVE_SCALE = 1e-4
+"""Scales below this share of the object's radius count as this: a flat Gaussian's logarithm stays finite."""
+
+
+def normalise_clip(
+    columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"], config: MambaSplatConfig
+) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"]]:
+    """Centre each frame and divide positions and scales by a radius; padded tokens become zero.
+
+    The centre is a frame's mean position and the radius the root of the mean squared distance from it, both weighted by
+    opacity where the mode reads opacity (floaters are faint). `scale_normalisation` says whether all frames share the
+    radius of the clip, so that growth and shrinkage remain visible.
+
+    Returns:
+        Normalised columns and each frame's further invariants: log of the radius in metres (`metric_size`) and how it
+        moves (`motion_features`).
+    """
+    columns = jnp.where(mask[..., None], columns, 0.0)
+    weights = mask.astype(columns.dtype)
+    if uses_opacity(config.mode):
+        weights = weights * jnp.maximum(columns[..., 10], 1e-6)
+    total = weights.sum(axis=1)
+    centre = jnp.einsum("tnc,tn->tc", columns[..., :3], weights) / jnp.maximum(total, 1e-9)[:, None]
+    centred = (columns[..., :3] - centre[:, None]) * mask[..., None]
+    moment = jnp.einsum("tnc,tn->t", centred * centred, weights)
+    if config.scale_normalisation == "clip":
+        radius = jnp.broadcast_to(_root_mean(moment.sum(), total.sum()), moment.shape)
+    elif config.scale_normalisation == "robust":
+        distance = jnp.sqrt(jnp.sum(centred**2, axis=-1) + 1e-12)
+        radius = jnp.broadcast_to(median_distance(distance, mask) + 1e-6, moment.shape)
+    elif config.scale_normalisation == "frame":
+        radius = _root_mean(moment, total)
+    else:
+        radius = jnp.ones_like(moment)
+    extra = [jnp.log(radius)[:, None]] if config.metric_size else [jnp.zeros((len(radius), 0), radius.dtype)]
+    if config.motion_features:
+        extra.append(motion_invariants(columns, weights, centre, radius))
+    inverse = 1 / radius[:, None, None]
+    parts = (centred * inverse, columns[..., 3:7], columns[..., 7:10] * inverse, columns[..., 10:])
+    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1)
+
+
+def _root_mean(moment: Float[Array, "*frame"], total: Float[Array, "*frame"]) -> Float[Array, "*frame"]:
+    return jnp.sqrt(moment / jnp.maximum(total, 1e-9) + 1e-12)
+
+
+def normalise_published(columns: Float[Array, "token 14"]) -> Float[Array, "token 14"]:
+    """The released code's preprocessing of one whole frame, before any subset is drawn.
+
+    Positions into the unit ball about the unweighted mean; scales divided by the same radius and then by the largest
+    norm of a scale vector; opacity to [-1, 1]; colour 2·clip(C0·f_dc, ±½)/√3; quaternion with w ≥ 0.
+    """
+    position = columns[:, :3] - columns[:, :3].mean(axis=0)
+    radius = jnp.maximum(jnp.linalg.norm(position, axis=-1).max(), 1e-12)
+    scale = columns[:, 7:10] / radius
+    scale = scale / jnp.maximum(jnp.linalg.norm(scale, axis=-1).max(), 1e-12)
+    quaternion = canonical_sign(normalise(columns[:, 3:7]))
+    colour = jnp.clip(SH_C0 * columns[:, 11:14], -0.5, 0.5) * (2 / 3**0.5)
+    parts = (position / radius, quaternion, scale, 2 * columns[:, 10:11] - 1, colour)
+    return jnp.concatenate(parts, axis=-1)
+
+
+def column_vectors(
+    position: Float[Array, "token 3"], columns: Float[Array, "token 14"], mode: Mode
+) -> Float[Array, "token 3 vector"]:
+    """Published lifting: the position and, with shape, the scaled principal axes s_k·R e_k.
+
+    Depends on which of the 24 quaternions of an ellipsoid was stored.
+    """
+    if not uses_shape(mode):
+        return position[..., None]
+    axes = rotation_from_quaternion(columns[:, 3:7]) * columns[:, None, 7:10]
+    return jnp.concatenate([position[..., None], axes], axis=-1)
+
+
+def covariance_vectors(
+    position: Float[Array, "token 3"], columns: Float[Array, "token 14"], mode: Mode
+) -> Float[Array, "token 3 vector"]:
+    """Sign- and order-free lifting: p, Σ̂p and Σ̂²p with Σ̂ = 3Σ/tr Σ.
+
+    By Cayley-Hamilton every vector that is a function of Σ applied to p is a combination of these three; the size
+    that the trace takes away is in `shape_invariants`.
+    """
+    if not uses_shape(mode):
+        return position[..., None]
+    # Division by the largest axis first keeps tr Σ away from the smallest floats.
+    largest = jnp.maximum(jnp.abs(columns[:, 7:10]).max(axis=-1, keepdims=True), 1e-9)
+    covariance = covariance_from_axes(columns[:, 3:7], columns[:, 7:10] / largest)
+    trace = jnp.maximum(jnp.trace(covariance, axis1=-2, axis2=-1), 1e-9)
+    once = 3 * jnp.einsum("nij,nj->ni", covariance, position) / trace[:, None]
+    twice = 3 * jnp.einsum("nij,nj->ni", covariance, once) / trace[:, None]
+    return jnp.stack([position, once, twice], axis=-1)
+
+
+def shape_invariants(scale: Float[Array, "token 3"]) -> Float[Array, "token 3"]:
+    """Symmetric functions of the three scales (in radii): log size, log volume and anisotropy, each of order one.
+
+    ½ log(tr Σ/3), ⅓ log √det Σ (both shifted by 4, a splat of 2 % of the radius) and tr Σ²/(tr Σ)² in [⅓, 1].
+    """
+    floored = jnp.abs(scale) + SMALLEST_RELATIVE_SCALE
+    square = floored * floored
+    trace = square.sum(axis=-1)
+    size = 0.5 * jnp.log(trace / 3) + 4
+    volume = jnp.log(floored).mean(axis=-1) + 4
+    anisotropy = (square * square).sum(axis=-1) / (trace * trace)
+    return jnp.stack([size, volume, anisotropy], axis=-1)
+
+
+def published_invariants(columns: Float[Array, "token 14"], mode: Mode) -> Float[Array, "token invariant"]:
+    """Opacity, then colour, as far as the mode reads them."""
+    parts = [columns[:, 10:11]] * uses_opacity(mode) + [columns[:, 11:14]] * uses_colour(mode)
+    return jnp.concatenate(parts, axis=-1) if parts else columns[:, :0]
+
+
+class PublishedLifting(nnx.Module):
+    """Centre on the token mean, mix the vectors into channels, append each invariant as a slot of every channel."""
+
+    def __init__(self, config: MambaSplatConfig, *, key: Key[Array, ""]):
+        vectors = 4 if uses_shape(config.mode) else 1
+        self.linear = VNLinear(
+            vectors, config.channels, key=key, init=weight_init(config), bias_epsilon=bias_epsilon(config)
+        )
+        self.mode: Mode = config.mode
+
+    def __call__(
+        self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"]
+    ) -> Float[Array, "token slot channel"]:
+        """Lift one normalised frame; padded tokens are shifted too and must be masked downstream."""
+        position = columns[:, :3] - masked_mean(columns[:, :3], mask)
+        x = self.linear(column_vectors(position, columns, self.mode))
+        invariants = published_invariants(columns, self.mode)[..., None]
+        return jnp.concatenate([x, jnp.broadcast_to(invariants, (*invariants.shape[:2], x.shape[-1]))], axis=1)
+
+
+class ExactLifting(nnx.Module):
+    """Vectors mixed into channels; all invariants and the constant 1 mixed into `scalar_slots` slots of each channel.
+
+    The constant keeps a token's norm away from zero, where rounding would be blown up. A learned map instead of one
+    slot per invariant makes a token 4 slots wide instead of 7, and the encoder that much cheaper.
+    """
+
+    def __init__(self, config: MambaSplatConfig, *, key: Key[Array, ""]):
+        vector_key, scalar_key = jax.random.split(key)
+        self.covariance = config.lifting == "covariance"
+        self.mode: Mode = config.mode
+        self.slots = config.scalar_slots
+        shape = uses_shape(config.mode)
+        vectors = 1 if not shape else 3 if self.covariance else 4
+        invariants = 1 + uses_opacity(self.mode) + 3 * uses_colour(self.mode) + 3 * (shape and self.covariance)
+        self.linear = VNLinear(vectors, config.channels, key=vector_key)
+        self.scalars = nnx.Param(draw_weight((self.slots * config.channels, invariants), "fan_in", key=scalar_key))
+
+    def __call__(
+        self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"]
+    ) -> Float[Array, "token slot channel"]:
+        """Lift one frame that `normalise_clip` has centred and scaled."""
+        vectors = (covariance_vectors if self.covariance else column_vectors)(columns[:, :3], columns, self.mode)
+        invariants = [jnp.ones_like(columns[:, :1]), published_invariants(columns, self.mode)]
+        if self.covariance and uses_shape(self.mode):
+            invariants.append(shape_invariants(columns[:, 7:10]))
+        scalars = jnp.concatenate(invariants, axis=-1) @ self.scalars[...].T
+        scalars = scalars.reshape(columns.shape[0], self.slots, -1)
+        return jnp.concatenate([self.linear(vectors), scalars], axis=1) * mask[:, None, None]

@@ -1,0 +1,168 @@
+"""MambaSplat-4D: a clip of Gaussians in, class logits out.
+
+A model is an `flax.nnx.Module` and a pytree whose leaves are its parameters, so the plain transformations apply:
+
+    model = MambaSplat(MambaSplatConfig(), key=jax.random.key(0))
+    logits = jax.jit(lambda model, columns, mask: model(columns, mask))(model, columns, mask)
+
+    def loss(model, columns, mask, labels, key):            # columns (batch, time, token, 14)
+        keys = jax.random.split(key, labels.shape[0])
+        logits = jax.vmap(lambda c, m, k: model(c, m, key=k))(columns, mask, keys)
+        return optax.softmax_cross_entropy_with_integer_labels(logits, labels).mean()
+
+    value, gradient = jax.jit(jax.value_and_grad(loss))(model, columns, mask, labels, key)
+    updates, state = optimiser.update(gradient, state, model)   # the gradient is a MambaSplat of gradients
+    model = optax.apply_updates(model, updates)
+
+No `nnx.jit`, no split and merge. Equal layers are stacked on a leading axis (`encoder.blocks`, `temporal.layers`).
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+from jaxtyping import Array, Bool, Float, Key
+
+from aerojax.classify.mambasplat.bridges import InvariantBridge
+from aerojax.classify.mambasplat.config import MambaSplatConfig, uses_colour, uses_opacity
+from aerojax.classify.mambasplat.encoder import LARGE_FRAME, VNEncoder, masked_mean, weight_init
+from aerojax.classify.mambasplat.lifting import ExactLifting, PublishedLifting, normalise_clip
+from aerojax.classify.mambasplat.mamba import Linear, MambaStack, MambaState, drop, sinusoids
+from aerojax.classify.mambasplat.vector_neurons import VNLinear
+from aerojax.core.types import pytree_dataclass
+
+
+@pytree_dataclass
+class StreamState:
+    """What the model remembers of a stream.
+
+    temporal: the state of the Mamba layers, if the model has any.
+    total: sum of the frame embeddings so far.
+    count: number of valid frames so far.
+    embedding: the last valid frame's embedding.
+    """
+
+    temporal: MambaState | None
+    total: Float[Array, "width"]
+    count: Float[Array, ""]
+    embedding: Float[Array, "width"]
+
+
+class ClassifierHead(nnx.Module):
+    """Linear → ReLU → dropout → linear."""
+
+    def __init__(self, config: MambaSplatConfig, *, key: Key[Array, ""]):
+        hidden, out = jax.random.split(key)
+        self.hidden = Linear(config.d_model, config.d_model // 2, key=hidden)
+        self.out = Linear(config.d_model // 2, config.classes, key=out)
+        self.rate = config.head_dropout
+
+    def __call__(self, z: Float[Array, "width"], *, key: Key[Array, ""] | None = None) -> Float[Array, "label"]:
+        """Logits of one clip."""
+        return self.out(drop(jax.nn.relu(self.hidden(z)), self.rate, key=key))
+
+
+class MambaSplat(nnx.Module):
+    """The classifier; see the module's docstring for how to transform it."""
+
+    def __init__(self, config: MambaSplatConfig, *, key: Key[Array, ""]):
+        lift, encoder, pool, bridge, temporal, head = jax.random.split(key, 6)
+        self.config = config
+        published = config.variant == "published"
+        self.lifting = (PublishedLifting if published else ExactLifting)(config, key=lift)
+        self.encoder = VNEncoder(config, key=encoder)
+        self.pool = VNLinear(config.channels, config.channels, key=pool, init=weight_init(config))
+        scalars = uses_opacity(config.mode) + 3 * uses_colour(config.mode) if published else config.scalar_slots
+        self.bridge = InvariantBridge(config, scalars, key=bridge)
+        self.temporal = MambaStack(config, key=temporal) if config.temporal == "mamba" else None
+        self.head = ClassifierHead(config, key=head)
+
+    def __call__(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        *,
+        key: Key[Array, ""] | None = None,
+    ) -> Float[Array, "label"]:
+        """Classify one clip.
+
+        Args:
+            columns: exact variant: metric world Gaussians, normalised here; published variant: the output of
+                `normalise_published`. Padded rows may hold anything in the exact variant.
+            mask: valid tokens. In the exact variant a frame without any is as if it had not been recorded; the
+                published one counts it.
+            key: turns on dropout.
+
+        Returns:
+            Logits. The exact variant's do not change when all Gaussians are rotated or moved together.
+        """
+        time_key, head_key = (None, None) if key is None else jax.random.split(key)
+        features, valid = self.frame_features(columns, mask)
+        return self.head(self.embed(features, valid, key=time_key), key=head_key)
+
+    def frame_features(
+        self, columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"]
+    ) -> tuple[Float[Array, "time width"], Bool[Array, "time"]]:
+        """Each frame's invariant descriptor, and which frames count."""
+        if self.config.variant == "published":
+            no_extra = jnp.zeros((columns.shape[0], 0), columns.dtype)
+            return self._describe_all(columns, mask, no_extra), jnp.ones(columns.shape[0], bool)
+        columns, extra = normalise_clip(columns, mask, self.config)
+        return self._describe_all(columns, mask, extra), mask.any(axis=1)
+
+    def _describe_all(self, columns: Array, mask: Array, extra: Array) -> Float[Array, "time width"]:
+        # Many small frames are one large product each; a large frame alone fills the machine, and its cache.
+        if columns.shape[1] <= LARGE_FRAME:
+            return jax.vmap(self.describe)(columns, mask, extra)
+        return jax.lax.map(lambda frame: self.describe(*frame), (columns, mask, extra))
+
+    def describe(
+        self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], extra: Float[Array, "extra"]
+    ) -> Float[Array, "width"]:
+        """The invariant descriptor of one normalised frame."""
+        tokens = self.encoder(self.lifting(columns, mask), mask)
+        return self.bridge(self.pool(masked_mean(tokens, mask)), tokens, mask, extra)
+
+    def embed(
+        self, features: Float[Array, "time width"], valid: Bool[Array, "time"], *, key: Key[Array, ""] | None = None
+    ) -> Float[Array, "width"]:
+        """Encode descriptors over time and read out one embedding; frames that are not valid leave no trace."""
+        position_key, layer_key = (None, None) if key is None else jax.random.split(key)
+        if self.config.positional_encoding:
+            features = features + sinusoids(*features.shape)
+        if self.temporal is not None:
+            # Valid frames first: the model is causal, so what comes after them cannot reach them.
+            order = jnp.argsort(~valid, stable=True)
+            features, valid = features[order], valid[order]
+            features = drop(features, self.config.dropout, key=position_key)
+            features = self.temporal(features, key=layer_key)
+        if self.config.readout == "mean":
+            return masked_mean(features, valid)
+        last = jnp.max(jnp.where(valid, jnp.arange(valid.shape[0]), 0))
+        return features[last] * valid.any()
+
+    def initial_state(self) -> StreamState:
+        """The state of a stream before its first frame."""
+        zero = jnp.zeros(self.config.d_model)
+        temporal = self.temporal.initial_state() if self.temporal is not None else None
+        return StreamState(temporal, zero, jnp.zeros(()), zero)
+
+    def step(
+        self, features: Float[Array, "width"], valid: Bool[Array, ""], state: StreamState
+    ) -> tuple[Float[Array, "label"], StreamState]:
+        """Logits after one more frame of a stream; equal to `embed` and the head over all frames so far.
+
+        Args:
+            features: a frame's descriptor from `frame_features`.
+            valid: False leaves the state as it was.
+            state: from `initial_state` or the last step. A table of positions would end a stream, so none is added:
+                use `positional_encoding` False.
+        """
+        embedding, temporal = features, state.temporal
+        if self.temporal is not None and temporal is not None:
+            embedding, temporal = self.temporal.step(features, temporal)
+        following = StreamState(temporal, state.total + embedding, state.count + 1, embedding)
+        following = jax.tree.map(lambda new, old: jnp.where(valid, new, old), following, state)
+        mean = following.total / jnp.maximum(following.count, 1.0)
+        return self.head(mean if self.config.readout == "mean" else following.embedding), following

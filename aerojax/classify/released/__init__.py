@@ -1,0 +1,1 @@
+"""The released PyTorch code's weights and rules."""

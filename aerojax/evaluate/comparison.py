@@ -1,0 +1,119 @@
+"""The table of a comparison of classifiers, from what each of its runs has left."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hydra.experimental.callback import Callback
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from rich.console import Console
+
+from aerojax.evaluate.rotations import PROTOCOLS
+from experiments._launch.command import write_json
+
+RESULT = "comparison.json"
+"""What a run of `compare_classifiers` writes last."""
+
+TITLES = {"last_frame": "last frame", "clip": "clip", "gain": "gain"}
+
+
+def comparison_rows(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """One row a classifier, in the order in which the names first come: figures as mean and deviation over seeds.
+
+    Args:
+        runs: contents of `comparison.json`, each of another classifier or seed.
+
+    Returns:
+        Rows with accuracies (0..1) as `{"mean": …, "std": …}`; `std` is the sample standard deviation, None for one
+        seed.
+    """
+    rows = []
+    for name in dict.fromkeys(run["classifier"] for run in runs):
+        group = [run for run in runs if run["classifier"] == name]
+        first = group[0]
+        rows.append(
+            {
+                "classifier": name,
+                **{key: first[key] for key in ("mode", "bridge", "temporal", "trained", "parameters")},
+                "seeds": sorted(run["seed"] for run in group),
+                "minutes": float(np.mean([run["minutes"] for run in group])),
+                "protocols": {
+                    p.name: _spread([run["protocols"][p.name]["clip_accuracy"] for run in group]) for p in PROTOCOLS
+                },
+                **{key: _spread([run[key] for run in group]) for key in TITLES},
+            }
+        )
+    return rows
+
+
+def _spread(values: Sequence[float]) -> dict[str, float | None]:
+    return {"mean": float(np.mean(values)), "std": float(np.std(values, ddof=1)) if len(values) > 1 else None}
+
+
+def table_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The rows as two Markdown tables: by the features that are read, and by the bridge of E(X). Accuracy in %."""
+    features = [row for row in rows if row["bridge"] == "vn_in"]
+    bridges = [row for row in rows if row["mode"] == "X" and row["temporal"] != "none"]
+    trained = " or ".join(sorted({row["trained"] for row in rows}))
+    lines = [
+        "Clip accuracy in % on identities that training never saw, mean ± standard deviation over seeds.",
+        f"The protocols turn the test clips; the rotation of the training clips was `{trained}`, and the loss of an",
+        "exactly invariant model does not see it. Last frame: the last frame of each clip alone; gain: clip less last",
+        "frame. `E_X_last_frame` was trained to answer from that frame.",
+    ]
+    for kind, chosen in (("features", features), ("bridge", bridges)):
+        lines += ["", *_lines(kind, chosen)] if chosen else []
+    return "\n".join(lines) + "\n"
+
+
+def _lines(kind: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    names = [p.name for p in PROTOCOLS]
+    head = ["classifier", kind, "parameters", *names, *TITLES.values(), "seeds", "minutes"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for row in rows:
+        figures = [row["protocols"][name] for name in names] + [row[key] for key in TITLES]
+        cells = [row["classifier"], row["mode" if kind == "features" else "bridge"], f"{row['parameters']:,}"]
+        cells += [*map(_cell, figures), str(len(row["seeds"])), f"{row['minutes']:.1f}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
+def _cell(figure: Mapping[str, float | None]) -> str:
+    mean, std = figure["mean"], figure["std"]
+    return f"{100 * mean:.1f}" + ("" if std is None else f" ± {100 * std:.1f}") if mean is not None else "-"
+
+
+def write_table(folder: Path) -> str:
+    """Write `table.json` and `table.md` of the ended runs below a folder; return the Markdown, "" if there are none."""
+    runs = [json.loads(path.read_text()) for path in sorted(folder.rglob(RESULT))]
+    if not runs:
+        return ""
+    rows = comparison_rows(runs)
+    write_json(
+        folder / "table.json", {"runs": len(runs), "rows": rows, "commits": sorted({str(r["commit"]) for r in runs})}
+    )
+    temporary = folder / "table.md.tmp"
+    temporary.write_text(table_markdown(rows))
+    temporary.replace(folder / "table.md")
+    return table_markdown(rows)
+
+
+class TableKeeper(Callback):
+    """Hydra's callback that keeps the table of a sweep's directory up to date, run by run."""
+
+    def on_job_end(self, config: DictConfig, job_return: Any, **kwargs: Any) -> None:
+        """After each run of a sweep."""
+        if config.hydra.mode == RunMode.MULTIRUN:
+            write_table(Path(config.hydra.sweep.dir))
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """After the last run, also where all were finished before."""
+        folder = Path(config.hydra.sweep.dir)
+        console = Console()
+        console.print(write_table(folder), markup=False, soft_wrap=True)
+        console.print(str(folder / "table.md"), soft_wrap=True)

@@ -1,0 +1,1 @@
+"""Quality of generated data sets: composition, consistency, coverage, motion, leakage."""

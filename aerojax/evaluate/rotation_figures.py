@@ -1,0 +1,135 @@
+"""What `eval_rotation` measures of one classifier: every test rotation and trial, prefixes, shuffled frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from aerojax.core.types import CLASSES
+from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity
+from aerojax.evaluate.calibration import calibration_error, fit_temperature, with_temperature
+from aerojax.evaluate.labels import label_figures, macro_f1
+from aerojax.evaluate.rotations import TEST_ROTATIONS, TestRotation, cached_rotations
+from aerojax.evaluate.windows import Classifier, Windows, read_prefixes, shuffled_orders, vote
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How windows are turned and read.
+
+    seed: of the rotations and of the bootstrap.
+    trials: draws of every random rotation.
+    readings: disjoint token groups whose probabilities are averaged.
+    rotations: folder of the cached rotations, shared by all models.
+    draws: of the bootstrap.
+    """
+
+    seed: int
+    trials: int
+    readings: int
+    rotations: Path
+    draws: int
+
+
+@dataclass(frozen=True)
+class Answers:
+    """Log-probabilities of the test windows by rotation and trial, after every frame, and with frames shuffled."""
+
+    turned: dict[TestRotation, list[Float[np.ndarray, "window label"]]]
+    prefixes: Float[np.ndarray, "window time label"]
+    shuffled: Float[np.ndarray, "window label"]
+    temperature: float
+
+
+def read_all(classifier: Classifier, test: Windows, val: Windows, reading: Reading, advance: Any) -> Answers:
+    """Ask the classifier everything; `advance` is called after each pass over the windows."""
+
+    def ask(windows: Windows, kind: TestRotation, trial: int = 0, order: np.ndarray | None = None) -> np.ndarray:
+        frames = windows.present.shape[1]
+        turn = cached_rotations(reading.rotations, windows.name, kind, frames=frames, seed=reading.seed, trial=trial)
+        found = read_prefixes(classifier, windows, turn, readings=reading.readings, order=order)
+        advance()
+        return found
+
+    temperature = fit_temperature(ask(val, "none")[:, -1], val.label)
+    still = ask(test, "none")
+    turned: dict[TestRotation, list[np.ndarray]] = {"none": [still[:, -1]]}
+    for kind in TEST_ROTATIONS[1:]:
+        turned[kind] = [ask(test, kind, trial)[:, -1] for trial in range(reading.trials)]
+    shuffled = ask(test, "none", order=shuffled_orders(test, seed=reading.seed))[:, -1]
+    return Answers(turned, still, shuffled, temperature)
+
+
+def passes(reading: Reading) -> int:
+    """How often `read_all` calls `advance`."""
+    return 3 + (len(TEST_ROTATIONS) - 1) * reading.trials
+
+
+def figures_of(answers: Answers, test: Windows, reading: Reading) -> dict[str, Any]:
+    """Every figure of a classifier's answers, JSON-ready."""
+    rotations = {
+        kind: _rotation(trials, answers.turned["none"][0], answers.temperature, test, reading)
+        for kind, trials in answers.turned.items()
+    }
+    return {
+        "temperature": answers.temperature,
+        "rotations": rotations,
+        "prefix_accuracy": _prefix_accuracy(answers.prefixes, test),
+        "shuffled_frames": _levels(answers.shuffled, answers.temperature, test),
+    }
+
+
+def video_confusions(trials: list[np.ndarray], test: Windows) -> Int[np.ndarray, "identity truth prediction"]:
+    """Confusion of the voted videos by identity, summed over trials."""
+    first = test.one_a_video()
+    identity = [test.identity[i] for i in first]
+    votes = [np.argmax(vote(trial, test), axis=1) for trial in trials]
+    return np.sum([confusion_by_identity(v, test.label[first], identity, len(CLASSES)) for v in votes], axis=0)
+
+
+def _rotation(
+    trials: list[np.ndarray], still: np.ndarray, temperature: float, test: Windows, reading: Reading
+) -> dict[str, Any]:
+    levels = [_levels(trial, temperature, test) for trial in trials]
+    confusions = video_confusions(trials, test)
+    changed = [np.sum(np.argmax(trial, axis=1) != np.argmax(still, axis=1)) for trial in trials]
+    summary = {
+        f"{level}_{name}": {"mean": float(np.mean(values)), "std": float(np.std(values))}
+        for level in ("clip", "video")
+        for name in ("accuracy", "macro_f1", "nll")
+        for values in [[row[level][name] for row in levels]]
+    }
+    intervals = {
+        f"video_{name}": bootstrap_interval(confusions, statistic, seed=reading.seed, draws=reading.draws)
+        for name, statistic in (("accuracy", accuracy), ("macro_f1", macro_f1))
+    }
+    return {**summary, "interval_95": intervals, "answers_changed": int(np.sum(changed)), "trials": levels}
+
+
+def _levels(log_probabilities: np.ndarray, temperature: float, test: Windows) -> dict[str, dict[str, Any]]:
+    """Figures of windows (`clip`) and of voted videos."""
+    first = test.one_a_video()
+    pairs = {"clip": (log_probabilities, test.label), "video": (vote(log_probabilities, test), test.label[first])}
+    return {
+        level: {
+            **label_figures(given, label),
+            "ece": calibration_error(given, label),
+            "ece_with_temperature": calibration_error(with_temperature(given, temperature), label),
+        }
+        for level, (given, label) in pairs.items()
+    }
+
+
+def _prefix_accuracy(prefixes: np.ndarray, test: Windows) -> list[dict[str, float]]:
+    """Share of right windows after each number of frames; a window that has fewer does not count there."""
+    right = np.argmax(prefixes, axis=2) == test.label[:, None]
+    seen = test.present
+    return [
+        {"frames": t + 1, "clips": int(seen[:, t].sum()), "accuracy": float(right[seen[:, t], t].mean())}
+        for t in range(seen.shape[1])
+        if seen[:, t].any()
+    ]

@@ -1,0 +1,1 @@
+"""Gaussians on disk: PLY, compressed PLY, USD."""

@@ -1,0 +1,1 @@
+"""Birds: skinned bodies, cambered wings, wing beats."""

@@ -1,0 +1,1 @@
+"""Helicopters with one or two main rotors."""

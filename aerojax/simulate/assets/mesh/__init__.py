@@ -1,0 +1,1 @@
+"""Triangle meshes that assets are built of."""

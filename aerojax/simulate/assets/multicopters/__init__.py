@@ -1,0 +1,1 @@
+"""Multicopters with three to eight arms."""

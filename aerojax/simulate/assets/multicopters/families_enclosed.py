@@ -1,0 +1,115 @@
+"""Ranges of multicopters whose propellers or bodies are enclosed: ducts, cages, grilles, streamlined fuselages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from aerojax.simulate.assets.multicopters.families_frames import COMMON
+
+ENCLOSED: dict[str, dict[str, Any]] = {
+    "guarded_quad": COMMON
+    | {
+        "guard": "ring",
+        "propeller_fill": (0.72, 0.86),
+        "blades": [2, 3, 3],
+        "blade_chord": (0.12, 0.18),
+        "hull_width": (0.16, 0.26),
+        "arm_rise": 0.0,
+        "legs": "none",
+        "hull_height": (0.1, 0.2),
+    },
+    "cinewhoop": COMMON
+    | {
+        "guard": "duct",
+        "guard_height": (0.17, 0.22),
+        "propeller_fill": (0.86, 0.89),
+        "blades": 3,
+        "blade_chord": (0.16, 0.2),
+        "nose_angle": (43.0, 47.0),
+        "tail_angle": (43.0, 47.0),
+        "pusher": True,
+        "arm_rise": (0.03, 0.05),
+        "hull": "stack",
+        "hull_length": (0.36, 0.42),
+        "hull_width": (0.14, 0.18),
+        "hull_height": (0.1, 0.13),
+        "legs": "none",
+        "roof": "camera",
+        "roof_size": (0.17, 0.21),
+        "battery": (0.12, 0.15),
+        "antennas": 2,
+        "gps_mast": 0.0,
+        "hertz": (110.0, 140.0),
+    },
+    "caged_quad": COMMON
+    | {
+        "guard": "cage",
+        "propeller_fill": (0.6, 0.7),
+        "arm_rise": 0.0,
+        "hull": ["stack", "box"],
+        "hull_length": (0.26, 0.34),
+        "hull_width": (0.2, 0.26),
+        "hull_height": (0.14, 0.18),
+        "legs": "none",
+        "gps_mast": 0.0,
+        "antennas": 0,
+    },
+    "whoop": COMMON
+    | {
+        "guard": "duct",
+        "guard_height": (0.09, 0.12),
+        "propeller_fill": (0.84, 0.89),
+        "blades": 4,
+        "blade_chord": (0.18, 0.22),
+        "nose_angle": (43.0, 47.0),
+        "tail_angle": (43.0, 47.0),
+        "arm_rise": (-0.06, -0.05),
+        "motor_radius": (0.04, 0.05),
+        "hull": "egg",
+        "hull_length": (0.4, 0.48),
+        "hull_width": (0.2, 0.24),
+        "hull_height": (0.26, 0.32),
+        "legs": "none",
+        "battery": 0.0,
+        "antennas": 1,
+        "gps_mast": 0.0,
+        "hertz": (130.0, 150.0),
+    },
+    "fuselage_quad": COMMON
+    | {
+        "frame": "h",
+        "nose_angle": (40.0, 46.0),
+        "tail_angle": (40.0, 46.0),
+        "propeller_fill": (0.6, 0.7),
+        "arm_rise": (0.03, 0.05),
+        "hull": "fuselage",
+        "hull_length": (1.05, 1.2),
+        "hull_width": (0.16, 0.2),
+        "hull_height": (0.16, 0.2),
+        "legs": "none",
+        "tail": ["vee", "fin"],
+        "tail_size": (0.2, 0.26),
+        "gimbal": 0.0,
+        "battery": 0.0,
+        "antennas": 0,
+        "gps_mast": 0.0,
+    },
+    "grille_quad": COMMON
+    | {
+        "guard": "grille",
+        "nose_angle": (36.0, 42.0),
+        "tail_angle": (36.0, 42.0),
+        "propeller_fill": (0.76, 0.84),
+        "arm_rise": 0.0,
+        "motor_height": (0.05, 0.06),
+        "hull": "box",
+        "hull_length": (0.62, 0.72),
+        "hull_width": (0.1, 0.12),
+        "hull_height": (0.08, 0.11),
+        "legs": "none",
+        "gimbal": (0.07, 0.09),
+        "battery": 0.0,
+        "antennas": 0,
+        "gps_mast": 0.0,
+    },
+}

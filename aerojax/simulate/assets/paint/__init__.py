@@ -1,0 +1,1 @@
+"""Colours of assets: albedo patterns, texture atlases, materials."""

@@ -1,0 +1,1 @@
+"""What is in a data set and in each of its sequences, before anything is made."""

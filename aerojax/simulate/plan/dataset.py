@@ -1,0 +1,227 @@
+"""What a data set consists of: its configuration, and the list of sequences that follows from it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
+from aerojax.simulate.assets.catalogue import Identity, identities
+from aerojax.simulate.assets.importers.identities import imported_identities
+from aerojax.simulate.render.image import ImageConfig
+from aerojax.simulate.world.fixed_rigs import StationConfig, Volume, conditions
+from aerojax.simulate.world.flight import Motion
+from aerojax.simulate.world.landscape import SceneryConfig
+from aerojax.simulate.world.rigs import RigConfig
+from aerojax.simulate.world.sensor import SensorConfig
+
+SPLITS = ("train", "val", "test")
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """A camera network and what happens before it.
+
+    name: begins the name of every sequence.
+    station: cameras at fixed places; None draws one of `rigs` for each sequence.
+    rigs: networks to draw from, where there is no station.
+    motion: `flight`, or `in_place` as in the published Sim-1.
+    volume: the monitored box, in which all of every path stays.
+    max_travel: metres that a path may span.
+    min_cameras: how many cameras at least see an object in every frame, obstacles aside.
+    environment: a white dome, one sky colour a camera, or a landscape under a moving sun.
+    scenery: of the landscape; sky, sun and weather are drawn for each sequence.
+    sun_rate: degrees a second by which the sun moves (the real one: 0.004).
+    sites: different landscapes that the sequences share, each with its own days; 0 gives every sequence its own.
+    """
+
+    name: str
+    station: StationConfig | None = None
+    rigs: tuple[RigConfig, ...] = ()
+    motion: Motion = "flight"
+    volume: Volume = field(default_factory=Volume)
+    max_travel: float = 40.0
+    min_cameras: int = 3
+    environment: Literal["white", "sky", "outdoor"] = "white"
+    scenery: SceneryConfig = field(default_factory=SceneryConfig)
+    sun_rate: float = 0.1
+    sites: int = 0
+
+
+@dataclass(frozen=True)
+class CrowdConfig:
+    """Who flies.
+
+    objects: in every sequence; beyond the first, others of the same split.
+    birds: further birds of the same split that distract.
+    per_family: individuals of every family.
+    """
+
+    objects: int = 1
+    birds: int = 0
+    per_family: int = 1
+
+
+@dataclass(frozen=True)
+class FaultConfig:
+    """How wrong the written calibration is, and how unequal the clocks are; the truth of both is kept in dataset.json.
+
+    rotation_deg, position_m, focal_percent: standard deviations a camera, of the angle, of each axis, of the focal
+        length.
+    time_offset_s: largest offset of a camera's clock; the written one is exact.
+    """
+
+    rotation_deg: float = 0.0
+    position_m: float = 0.0
+    focal_percent: float = 0.0
+    time_offset_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class CampaignConfig:
+    """What decides the bytes of a data set's sequences.
+
+    seed: of everything.
+    rig: network, motion and environment.
+    frames, fps: of a sequence.
+    radii: of the station, only these; empty takes all.
+    sequences: by split, for each identity and condition of the rig.
+    images: kinds and quality.
+    classes: only these; empty takes all four.
+    identities_per_class: only the first so many of each class and split, for trials; 0 takes all.
+    models: list of the user's own models, which are added; None without.
+    sensor: of every camera.
+    randomisation: 0 for none to 1 for cheap cameras and unusual light, drawn for each camera and sequence.
+    """
+
+    seed: int
+    rig: NetworkConfig
+    frames: int
+    fps: float
+    sequences: dict[str, int]
+    images: ImageConfig
+    radii: tuple[float, ...] = ()
+    crowd: CrowdConfig = field(default_factory=CrowdConfig)
+    faults: FaultConfig = field(default_factory=FaultConfig)
+    classes: tuple[str, ...] = ()
+    identities_per_class: int = 0
+    models: Path | None = None
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    randomisation: float = 0.0
+
+
+@dataclass(frozen=True)
+class SequenceTask:
+    """One sequence to make: `folder` is its place in the data set, `condition` an index into the rig's conditions."""
+
+    name: str
+    identity: Identity
+    condition: int
+    repeat: int
+
+    @property
+    def folder(self) -> str:
+        """Relative to the data set."""
+        return f"{self.identity.split}/{self.name}"
+
+
+def station_of(config: CampaignConfig) -> StationConfig | None:
+    """The rig's station with the radii that the data set takes."""
+    station = config.rig.station
+    return dataclasses.replace(station, radii=config.radii) if station is not None and config.radii else station
+
+
+def cast_of(config: CampaignConfig) -> dict[str, tuple[Identity, ...]]:
+    """By split, the identities of the data set: the catalogue's, and the user's own models behind them."""
+    own = imported_identities(config.models) if config.models is not None else ()
+    found = {}
+    for split in SPLITS:
+        everyone = (*identities(split, per_family=config.crowd.per_family), *(i for i in own if i.split == split))
+        found[split] = tuple(i for i in everyone if not config.classes or i.label in config.classes)
+        if config.identities_per_class:
+            found[split] = _first_of_each(found[split], config.identities_per_class)
+    return found
+
+
+def _first_of_each(everyone: tuple[Identity, ...], count: int) -> tuple[Identity, ...]:
+    counts: dict[str, int] = {}
+    kept = []
+    for identity in everyone:
+        counts[identity.label] = counts.get(identity.label, 0) + 1
+        if counts[identity.label] <= count:
+            kept.append(identity)
+    return tuple(kept)
+
+
+def work_list(config: CampaignConfig) -> tuple[SequenceTask, ...]:
+    """Every sequence of the data set, in an order that holds early all classes.
+
+    Raises:
+        UserError: a number makes no sense; the message names the key.
+    """
+    check(config)
+    station = station_of(config)
+    names = [c.name for c in conditions(station)] if station is not None else [""]
+    tasks = []
+    for split, cast in cast_of(config).items():
+        for repeat in range(config.sequences.get(split, 0)):
+            for index, condition in enumerate(names):
+                for identity in cast:
+                    parts = (config.rig.name, identity.name, condition, f"{repeat:02d}")
+                    tasks.append(SequenceTask("_".join(p for p in parts if p), identity, index, repeat))
+    if not tasks:
+        raise UserError("invalid", "sequences: the data set would be empty", "set sequences.test=1 or another split")
+    return tuple(tasks)
+
+
+def check(config: CampaignConfig) -> None:
+    """Refuse numbers that make no sense.
+
+    Raises:
+        UserError: names the key, its value and a remedy.
+    """
+    rig, crowd, faults = config.rig, config.crowd, config.faults
+    wrong = [
+        (set(config.sequences) - set(SPLITS), f"sequences has {sorted(config.sequences)}; use {', '.join(SPLITS)}"),
+        (min(config.sequences.values(), default=0) < 0, "sequences is negative; use 0 to leave a split out"),
+        (config.frames < 1, f"frames is {config.frames}; a sequence needs at least 1"),
+        (config.fps <= 0, f"fps is {config.fps:g}; it must be positive"),
+        (config.images.samples < 1, f"images.samples is {config.images.samples}; use 1 or more"),
+        (config.images.rays_across < 0, f"images.rays_across is {config.images.rays_across}; use 0 or more"),
+        (rig.station is None and not rig.rigs, f"rig {rig.name} has neither a station nor rigs; give one of them"),
+        (set(config.classes) - set(CLASSES), f"classes has {list(config.classes)}; use {', '.join(CLASSES)}"),
+        (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),
+        (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),
+        (crowd.per_family < 1, f"crowd.per_family is {crowd.per_family}; use 1 or more"),
+        (config.identities_per_class < 0, f"identities_per_class is {config.identities_per_class}; use 0 for all"),
+        (not 0 <= config.randomisation <= 1, f"randomisation is {config.randomisation:g}; use 0 (none) to 1"),
+        (min(dataclasses.astuple(faults)) < 0, "faults has a negative size; use 0 for none"),
+        (
+            config.radii and (rig.station is None or not set(config.radii) <= set(rig.station.radii)),
+            f"radii is {list(config.radii)}; choose among {list(rig.station.radii) if rig.station else []} of the rig",
+        ),
+    ]
+    for fault, message in wrong:
+        if fault:
+            raise UserError("invalid", message)
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How much a work list is: distinct identities, sequences, frames (moments), images (frames of all cameras)."""
+
+    identities: int
+    sequences: int
+    frames: int
+    images: int
+
+
+def count(config: CampaignConfig, tasks: tuple[SequenceTask, ...]) -> Counts:
+    """Counts of a work list; images count one a camera and frame, whatever their kinds."""
+    frames = len(tasks) * config.frames
+    station = config.rig.station
+    cameras = station.cameras if station is not None else max(rig.cameras for rig in config.rig.rigs)
+    return Counts(len({task.identity.name for task in tasks}), len(tasks), frames, frames * cameras)

@@ -1,0 +1,1 @@
+"""Ray-cast images of moving objects before a dome or a landscape."""

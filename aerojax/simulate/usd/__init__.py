@@ -1,0 +1,1 @@
+"""USD stages: written for assets and sequences, read back as animated meshes."""

@@ -1,0 +1,1 @@
+"""What surrounds and carries an object: flight, camera rigs, sky, landscape, sensor."""

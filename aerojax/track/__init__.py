@@ -1,0 +1,1 @@
+"""Which silhouettes are one object, in all cameras and over time."""

@@ -1,0 +1,1 @@
+"""What is trained: batches, losses and validation of each task."""

@@ -1,0 +1,227 @@
+"""Clips of Gaussians on disk and in memory, and how a batch is drawn and varied."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32, Int, Key
+
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES, Gaussians
+from aerojax.gaussians.rotate import rotate
+from aerojax.geometry.rotations import haar_rotation, rotation_about_z
+
+
+@dataclass(frozen=True)
+class ClipSet:
+    """Labelled clips, padded to one length: columns (14 attributes), which frames are real, labels, identities."""
+
+    columns: Float32[np.ndarray, "clip time token 14"]
+    present: Bool[np.ndarray, "clip time"]
+    label: Int[np.ndarray, "clip"]
+    identity: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class VariationConfig:
+    """Training-time variation of a clip.
+
+    frames, tokens: window length and tokens a frame that a batch holds.
+    stride: windows start at its multiples.
+    jitter: standard deviation of a token's position over the clip's radius.
+    colour: strength of the random recolouring (gain and offset a channel).
+    drop: share of a frame's tokens that may repeat others, drawn up to this.
+    scale: the whole clip becomes larger or smaller by a factor between exp(-scale) and exp(scale).
+    axis_scale: the released code's stretch, as in `stretch_axes`, by factors between 1 - axis_scale and 1 + axis_scale.
+    rotation: how the whole clip is turned: not at all, about +Z, or uniformly over SO(3).
+    """
+
+    frames: int = 12
+    tokens: int = 128
+    stride: int = 1
+    jitter: float = 0.01
+    colour: float = 0.5
+    drop: float = 0.3
+    scale: float = 0.0
+    axis_scale: float = 0.0
+    rotation: Literal["none", "z", "so3"] = "none"
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be drawn.
+
+        Raises:
+            UserError: names the field and the values that work.
+        """
+        for name in ("frames", "tokens", "stride"):
+            if getattr(self, name) < 1:
+                raise UserError("out-of-range", f"variation.{name} is {getattr(self, name)}", "it must be at least 1")
+        for name in ("jitter", "colour", "scale"):
+            if getattr(self, name) < 0:
+                raise UserError("out-of-range", f"variation.{name} is {getattr(self, name)}", "it must not be negative")
+        for name in ("drop", "axis_scale"):
+            if not 0 <= getattr(self, name) < 1:
+                raise UserError("out-of-range", f"variation.{name} is {getattr(self, name)}", "it lies in [0, 1)")
+
+
+def save_clip(path: Path, columns: np.ndarray, label: str, identity: str) -> None:
+    """Write one clip as `.npz`, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(path.name + ".tmp")
+    with temporary.open("wb") as file:
+        np.savez(file, columns=columns.astype(np.float32), label=np.array(label), identity=np.array(identity))
+    temporary.replace(path)
+
+
+def load_clips(folder: Path, *, frames: int) -> ClipSet:
+    """Read every clip of a folder in the order of names, padded with zeros or cut to `frames`.
+
+    Raises:
+        UserError: no clips, or one that is broken, of another class or of another size.
+    """
+    paths = sorted(folder.glob("*.npz"))
+    if not paths:
+        raise UserError(
+            "missing", f"{folder} holds no clips (*.npz)", "make them with python -m experiments.reconstruct_dataset"
+        )
+    columns, present, labels, identities = [], [], [], []
+    for path in paths:
+        clip, label, identity = _load_clip(path)
+        clip = clip[:frames]
+        if columns and clip.shape[1] != columns[0].shape[1]:
+            raise UserError(
+                "mismatch",
+                f"{path} has {clip.shape[1]} tokens a frame, others have {columns[0].shape[1]}",
+                "make it again",
+            )
+        padding = frames - len(clip)
+        columns.append(np.pad(clip, ((0, padding), (0, 0), (0, 0))))
+        present.append(np.arange(frames) < len(clip))
+        labels.append(CLASSES.index(label))
+        identities.append(identity)
+    return ClipSet(np.stack(columns), np.stack(present), np.array(labels), tuple(identities))
+
+
+def join_clips(sets: Sequence[ClipSet]) -> ClipSet:
+    """Several sets of equal length as one, in order.
+
+    Raises:
+        UserError: they have different numbers of tokens a frame.
+    """
+    tokens = {clips.columns.shape[2] for clips in sets}
+    if len(tokens) > 1:
+        raise UserError(
+            "mismatch", f"sets of clips have {sorted(tokens)} tokens a frame", "make them again with one number"
+        )
+    return ClipSet(
+        np.concatenate([clips.columns for clips in sets]),
+        np.concatenate([clips.present for clips in sets]),
+        np.concatenate([clips.label for clips in sets]),
+        tuple(name for clips in sets for name in clips.identity),
+    )
+
+
+def _load_clip(path: Path) -> tuple[Float32[np.ndarray, "time token 14"], str, str]:
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            clip, label, identity = stored["columns"], str(stored["label"]), str(stored["identity"])
+    except (OSError, EOFError, ValueError, KeyError, AttributeError, zipfile.BadZipFile) as error:
+        raise UserError(
+            "unreadable", f"{path} cannot be read as a clip ({error})", "delete it and make it again"
+        ) from None
+    if label not in CLASSES or clip.ndim != 3 or clip.shape[-1] != 14:
+        raise UserError(
+            "unreadable", f"{path} is not a clip of (time, token, 14) with a class of {CLASSES}", "make it again"
+        )
+    return clip.astype(np.float32), label, identity
+
+
+def epoch_order(count: int, batch: int, *, seed: int, epoch: int) -> Iterator[Int[np.ndarray, "batch"]]:
+    """Index batches of one shuffled epoch; the tail that fills no batch is left for another epoch's shuffle."""
+    order = np.random.default_rng((seed, epoch)).permutation(count)
+    for start in range(0, count - batch + 1, batch):
+        yield order[start : start + batch]
+
+
+def vary_clip(
+    columns: Float[Array, "time token 14"],
+    present: Bool[Array, "time"],
+    config: VariationConfig,
+    *,
+    key: Key[Array, ""],
+) -> tuple[Float[Array, "frames tokens 14"], Bool[Array, "frames tokens"]]:
+    """A random window and token subset of a clip, jittered, recoloured, scaled and at last turned.
+
+    The rotation comes last and each draw has its own key, so with and without it a clip is the same up to that
+    rotation: an exactly invariant model trains the same under every `rotation`.
+    """
+    window, tokens, position, gain, offset, count, size, turn = jax.random.split(key, 8)
+    index, real = _window(present, config, key=window)
+    clip = columns[jnp.minimum(index, columns.shape[0] - 1)]
+    keep = 1.0 - config.drop * jax.random.uniform(count)
+    order = jax.vmap(lambda k: jax.random.permutation(k, columns.shape[1]))(jax.random.split(tokens, config.frames))
+    picked = order[:, : config.tokens] % columns.shape[1]
+    visible = jnp.arange(config.tokens) < keep * config.tokens
+    clip = jnp.take_along_axis(clip, picked[:, :, None], axis=1)
+    mean = clip[..., :3]
+    centre = jnp.mean(mean, axis=1, keepdims=True)
+    radius = jnp.sqrt(jnp.mean(jnp.sum((mean - centre) ** 2, axis=-1)) + 1e-12)
+    mean = mean + config.jitter * radius * jax.random.normal(position, mean.shape)
+    colour = clip[..., 11:] * (1 + config.colour * jax.random.normal(gain, (3,)))
+    colour = colour + config.colour * jax.random.normal(offset, (3,))
+    clip = _scale(jnp.concatenate([mean, clip[..., 3:11], colour], axis=-1), config, key=size)
+    return _turn(clip, config, key=turn), real[:, None] & visible[None, :]
+
+
+def _window(
+    present: Bool[Array, "time"], config: VariationConfig, *, key: Key[Array, ""]
+) -> tuple[Int[Array, "frames"], Bool[Array, "frames"]]:
+    """Indices of a random window, and which of them are real frames."""
+    length = jnp.sum(present)
+    starts = jnp.maximum((length - config.frames) // config.stride + 1, 1)
+    index = config.stride * jax.random.randint(key, (), 0, starts) + jnp.arange(config.frames)
+    return index, index < length
+
+
+def _scale(
+    clip: Float[Array, "frame token 14"], config: VariationConfig, *, key: Key[Array, ""]
+) -> Float[Array, "frame token 14"]:
+    whole, each = jax.random.split(key)
+    if config.scale:
+        factor = jnp.exp(jax.random.uniform(whole, minval=-config.scale, maxval=config.scale))
+        clip = clip.at[..., :3].multiply(factor).at[..., 7:10].multiply(factor)
+    if config.axis_scale:
+        factors = jax.random.uniform(each, (3,), minval=1 - config.axis_scale, maxval=1 + config.axis_scale)
+        clip = stretch_axes(clip, factors)
+    return clip
+
+
+def stretch_axes(
+    columns: Float[Array, "*batch 14"], factors: Float[Array, "3"] | Float32[np.ndarray, "3"]
+) -> Float[Array, "*batch 14"]:
+    """The released code's stretch: positions along the world's axes, scales along each Gaussian's own.
+
+    A stretched ellipsoid would have other axes, so the covariances no longer fit the positions. It is here for
+    comparison; `VariationConfig.scale` is a similarity and keeps them.
+    """
+    columns = jnp.asarray(columns)
+    return columns.at[..., :3].multiply(factors).at[..., 7:10].multiply(factors)
+
+
+def _turn(
+    clip: Float[Array, "frame token 14"], config: VariationConfig, *, key: Key[Array, ""]
+) -> Float[Array, "frame token 14"]:
+    """One rotation about the world's origin for all frames, as the test rotations of the protocols are."""
+    if config.rotation == "none":
+        return clip
+    if config.rotation == "z":
+        turn = rotation_about_z(jax.random.uniform(key, maxval=2 * jnp.pi))
+    else:
+        turn = haar_rotation(key=key)
+    return rotate(Gaussians.from_columns(clip), turn).columns()

@@ -1,0 +1,1 @@
+"""How acts start, show progress and leave records."""

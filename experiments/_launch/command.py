@@ -1,0 +1,171 @@
+"""How an experiment starts: Hydra composes, a frozen dataclass receives, a run directory remembers.
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None: ...
+
+if __name__ == "__main__":
+    main()
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import importlib.metadata
+import inspect
+import json
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import hydra
+import jax
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from aerojax.core.config import to_dataclass
+from aerojax.core.errors import UserError
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+CONF_DIR = REPOSITORY / "conf"
+RECORD = "run.json"
+"""Where a run's directory holds its configuration and origin."""
+_PACKAGES = ("jax", "jaxlib", "flax", "optax", "warp-lang", "usd-core", "opencv-python-headless", "numpy")
+
+_Config = TypeVar("_Config")
+
+
+@dataclass(frozen=True)
+class Run:
+    """Where one run leaves its files, and how it was started."""
+
+    directory: Path
+    name: str
+    overrides: tuple[str, ...]
+
+
+def experiment(
+    config_type: type[_Config], *, finished_by: str | None = None, ignoring: tuple[str, ...] = ()
+) -> Callable[[Callable[[_Config, Run], None]], Callable[[], None]]:
+    """Make `main(config, run)` a command line: `python -m experiments.<name> [key=value …] [-m] [--help]`.
+
+    The configuration is `conf/<name>.yaml`, converted once and strictly to `config_type`. A `UserError` ends the
+    process with code 2 and its message alone; any other exception is a bug and keeps its traceback.
+
+    Args:
+        config_type: what `main` takes.
+        finished_by: the file that `main` writes last. A run whose directory holds it already is not run again, so a
+            sweep that was killed goes on where it stopped; see `is_finished`.
+        ignoring: first-level keys that say how a run computes and not what; another value of them is the same run.
+    """
+
+    def decorate(act: Callable[[_Config, Run], None]) -> Callable[[], None]:
+        name = Path(inspect.getfile(act)).stem
+
+        def job(cfg: DictConfig) -> None:
+            try:
+                values = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
+                config = to_dataclass(values, config_type, source=f"conf/{name}.yaml")  # type: ignore[arg-type]
+                settings = HydraConfig.get()
+                directory = Path(settings.runtime.output_dir)
+                run = Run(directory=directory, name=name, overrides=tuple(settings.overrides.task))
+                if finished_by is not None and is_finished(directory, finished_by, values, ignoring):
+                    return print(f"{directory} is finished; delete {finished_by} in it to run it again")
+                write_json(directory / RECORD, {**provenance(run.overrides), "experiment": name, "config": values})
+                act(config, run)
+            except (UserError, OmegaConfBaseException) as error:
+                if HydraConfig.get().mode == RunMode.MULTIRUN:
+                    raise  # the other runs of a sweep go on
+                _refuse(error)  # here, because Hydra announces every exception that reaches it with a line of its own
+
+        @functools.wraps(act)
+        def command() -> None:
+            if act.__module__ == "__main__":  # a name that other processes, to which launchers send the act, know too
+                return importlib.import_module(f"experiments.{name}").main()
+            os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
+            os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+            keep_compiled_code()
+            job.__module__ = f"experiments.{name}"  # names the run; this file would otherwise
+            entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
+            try:
+                entry()
+            except (UserError, HydraException, OmegaConfBaseException) as error:
+                _refuse(error)
+            except KeyboardInterrupt:
+                print("interrupted", file=sys.stderr)
+                sys.exit(130)
+
+        return command
+
+    return decorate
+
+
+def keep_compiled_code() -> None:
+    """Let JAX reuse compiled programs from one process to the next (`JAX_COMPILATION_CACHE_DIR` says where)."""
+    default = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "aerojax" / "xla"
+    jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(default)))
+
+
+def is_finished(directory: Path, result: str, values: Any, ignoring: tuple[str, ...] = ()) -> bool:
+    """Whether a run with this configuration has left its last file, `result`, in its directory.
+
+    Raises:
+        UserError: a run with another configuration has left files there, which this one would take for its own.
+    """
+    record = directory / RECORD
+    if not record.is_file():
+        return False
+    begun, known = json.loads(record.read_text())["config"], json.loads(json.dumps(values))
+    differing = sorted(k for k in {*begun, *known} - set(ignoring) if begun.get(k) != known.get(k))
+    if not differing:
+        return (directory / result).is_file()
+    if any(path.name not in (RECORD, "hydra") for path in directory.iterdir()):
+        raise UserError(
+            "occupied",
+            f"{directory} holds a run with another configuration ({', '.join(differing)} in {RECORD})",
+            "delete it, or choose another directory with hydra.run.dir, or hydra.sweep.dir for a sweep",
+        )
+    return False
+
+
+def _refuse(error: Exception) -> NoReturn:
+    print(f"error: {error}", file=sys.stderr)
+    sys.exit(2)
+
+
+def provenance(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
+    """What is needed to make a result again: overrides, versions, commit and machine."""
+    return {
+        "overrides": list(overrides),
+        "versions": {p: importlib.metadata.version(p) for p in _PACKAGES} | {"python": platform.python_version()},
+        "commit": _commit(),
+        "machine": {"system": platform.platform(), "cpus": os.cpu_count()},
+    }
+
+
+def _commit() -> str | None:
+    try:
+        head = _git("rev-parse", "HEAD")
+        return head + ("+changes" if _git("status", "--porcelain", "--untracked-files=no") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return None  # an installed package has no checkout
+
+
+def _git(*arguments: str) -> str:
+    done = subprocess.run(["git", *arguments], cwd=REPOSITORY, check=True, capture_output=True, text=True)
+    return done.stdout.strip()
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write JSON so that a reader never sees half of it."""
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_text(json.dumps(content, indent=1) + "\n")
+    temporary.replace(path)

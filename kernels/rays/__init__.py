@@ -1,0 +1,1 @@
+"""Ray casting of triangle meshes in Warp."""

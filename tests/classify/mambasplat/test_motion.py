@@ -1,0 +1,111 @@
+"""Motion features and the robust scale of clips: known motions, invariance, and what they are not invariant to."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.clip_examples import random_clip, rotate_columns
+
+from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.mambasplat.lifting import normalise_clip
+from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.classify.voting import classify_next
+from aerojax.core.errors import UserError
+from aerojax.geometry.rotations import haar_rotation
+
+MOVING = MambaSplatConfig(mode="C", motion_features=True, depth=1, mamba_layers=1, d_model=32, token_features=8)
+
+
+def features(clip, mask=None, config=MOVING):
+    mask = jnp.ones(clip.shape[:2], bool) if mask is None else mask
+    return np.asarray(normalise_clip(clip, mask, config)[1])
+
+
+def flight(steps, rotations=None):
+    """One cloud of points, of root mean square radius 1, that moves by `steps` and turns by `rotations`."""
+    cloud = np.random.default_rng(0).normal(size=(64, 3)) * [1.0, 0.4, 0.1]
+    cloud -= cloud.mean(axis=0)
+    cloud /= np.sqrt((cloud**2).sum(axis=1).mean())
+    place = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    clip = np.asarray(random_clip(0, time=len(place), tokens=64, dtype=np.float64)).copy()
+    for t, centre in enumerate(place):
+        turned = cloud if rotations is None else cloud @ rotations[t].T
+        clip[t, :, :3] = turned + centre
+    return jnp.asarray(clip), cloud
+
+
+def about_z(angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+
+
+def test_straight_flight_and_a_right_angle(x64):
+    clip, cloud = flight(np.array([[0.5, 0, 0], [0.5, 0, 0], [0, 0.5, 0]]))
+    found = features(clip)
+    along = [(cloud[:, axis] ** 2).mean() for axis in (0, 0, 1)]
+    np.testing.assert_allclose(found[0], 0.0)
+    np.testing.assert_allclose(found[1:, 0], np.log(1.5), atol=1e-6)
+    np.testing.assert_allclose(found[1:, 1], [0, 1, 0], atol=1e-3)
+    np.testing.assert_allclose(found[1:, 2], along, rtol=1e-3)
+    np.testing.assert_allclose(found[1:, 3:], [[1, 0, 0]] * 3, atol=1e-5)
+
+
+def test_a_body_that_turns_in_place(x64):
+    clip, _ = flight(np.zeros((2, 3)), [about_z(0.0), about_z(np.pi / 2), about_z(np.pi / 2)])
+    found = features(clip)
+    np.testing.assert_allclose(found[:, :3], 0.0, atol=1e-5)
+    assert found[1, 3] < 0.7 and found[2, 3] == pytest.approx(1.0, abs=1e-6)
+    slow, _ = flight(np.zeros((1, 3)), [about_z(0.0), about_z(0.3)])
+    assert features(slow)[1, 4] > 0.1 and found[2, 4] < 1e-5
+
+
+def test_turning_the_clip_changes_nothing_and_turning_frames_does(x64):
+    clip = random_clip(3, time=4, tokens=32, dtype=np.float64)
+    clip = clip.at[..., :3].add(jnp.arange(4.0)[:, None, None] * jnp.array([0.3, 0.1, -0.2]))
+    rotations = jax.vmap(lambda key: jnp.linalg.qr(haar_rotation(key=key).astype(jnp.float64))[0])(
+        jax.random.split(jax.random.key(0), 4)
+    )
+    rotations = rotations * jnp.sign(jnp.linalg.det(rotations))[:, None, None]
+    whole = rotate_columns(clip, rotations[0]).at[..., :3].add(jnp.array([5.0, -2.0, 1.0]))
+    each = jnp.stack([rotate_columns(frame, rotation) for frame, rotation in zip(clip, rotations, strict=True)])
+    np.testing.assert_allclose(features(whole), features(clip), atol=1e-10)
+    assert np.abs(features(each) - features(clip)).max() > 0.1
+
+
+def test_a_frame_without_tokens_has_no_motion_beside_it():
+    clip, _ = flight(np.full((3, 3), 0.2))
+    mask = jnp.ones(clip.shape[:2], bool).at[2].set(False)
+    found = features(clip, mask)
+    assert (found[2:] == 0).all() and (found[1] != 0).any()
+
+
+def test_the_classifier_reads_them_and_a_stream_cannot():
+    model, (clip, _) = MambaSplat(MOVING, key=jax.random.key(0)), flight(np.full((2, 3), 0.2))
+    mask = jnp.ones(clip.shape[:2], bool)
+    still = clip.at[..., :3].add(-clip[..., :3].mean(axis=1, keepdims=True))
+    logits = jax.jit(lambda clip: model(clip, mask))
+    assert jnp.abs(logits(clip) - logits(still)).max() > 1e-4
+    streamed = dataclasses.replace(MOVING, scale_normalisation="frame")
+    model = MambaSplat(streamed, key=jax.random.key(0))
+    with pytest.raises(UserError, match="motion_features is True"):
+        classify_next(model, model.initial_state(), clip[0], mask[0])
+
+
+def test_a_clip_at_rest_has_finite_gradients():
+    clip = jnp.broadcast_to(random_clip(1, time=1, tokens=8), (3, 8, 14))
+    mask = jnp.ones((3, 8), bool)
+    slope = jax.grad(lambda clip: jnp.sum(normalise_clip(clip, mask, MOVING)[1] ** 2))
+    assert jnp.isfinite(slope(clip)).all() and jnp.isfinite(slope(jnp.zeros_like(clip))).all()
+
+
+def test_floaters_do_not_change_the_robust_scale():
+    clip = random_clip(5, time=2, tokens=40)
+    far, ratio = clip.at[0, 0, :3].add(30.0), {}
+    for name in ("robust", "clip"):
+        config = MambaSplatConfig(mode="C", scale_normalisation=name, metric_size=True)
+        ratio[name] = float(np.exp(features(far, config=config) - features(clip, config=config))[1, 0])
+    assert ratio["robust"] < 1.5 and ratio["clip"] > 2

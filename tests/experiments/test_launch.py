@@ -1,0 +1,114 @@
+"""The command line: what a run remembers, and how mistakes end."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+from support.command_line import run_command
+
+from aerojax.core.errors import UserError
+from experiments import classify
+from experiments._launch import command as launch
+from experiments._launch.command import REPOSITORY, is_finished, provenance, write_json
+
+
+def process(*arguments):
+    command = [sys.executable, "-m", "experiments.classify", *arguments]
+    return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
+
+
+def test_provenance_names_versions_commit_and_machine():
+    known = provenance(("seed=1",))
+    assert known["overrides"] == ["seed=1"]
+    assert {"jax", "flax", "warp-lang", "numpy", "python"} <= set(known["versions"])
+    assert known["commit"] is None or len(known["commit"].removesuffix("+changes")) == 40
+    assert json.loads(json.dumps(known)) == known
+
+
+def test_provenance_without_a_checkout(monkeypatch, tmp_path):
+    monkeypatch.setattr(launch, "REPOSITORY", tmp_path)
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    assert provenance()["commit"] is None
+
+
+def test_json_appears_whole(tmp_path):
+    path = tmp_path / "a.json"
+    write_json(path, {"a": [1, 2]})
+    assert json.loads(path.read_text()) == {"a": [1, 2]}
+    with pytest.raises(TypeError):
+        write_json(path, {"a": object()})
+    assert json.loads(path.read_text()) == {"a": [1, 2]} and [p.name for p in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_a_run_remembers_how_it_was_started(monkeypatch, tmp_path, capsys):
+    weights = tmp_path / "none.safetensors"
+    with pytest.raises(SystemExit) as ended:
+        run_command(
+            classify, monkeypatch, "preset=smoke", "seed=4", f"weights={weights}", f"hydra.run.dir={tmp_path}/run"
+        )
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert error == f"error: weights file {weights} does not exist; train a model or correct the path\n"
+    remembered = json.loads((tmp_path / "run/run.json").read_text())
+    assert remembered["experiment"] == "classify"
+    assert remembered["overrides"] == ["preset=smoke", "seed=4", f"weights={weights}"]
+    assert remembered["config"]["seed"] == 4 and remembered["config"]["sample"]["sequence"]["frames"] == 4
+    assert remembered["versions"] and remembered["machine"]["cpus"]
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("sead=1", "sead"),
+        ("pipeline.hull.grd=3", "grd"),
+        ("preset=huge", "huge"),
+        ("seed=one", "seed"),
+        ("pipeline.hull.grid=2.5", "pipeline.hull.grid"),
+        ("seed==", "seed"),
+        ("sample.folder=???", "sample.folder"),
+    ],
+)
+def test_a_wrong_override_is_one_message(monkeypatch, tmp_path, capsys, override, named):
+    with pytest.raises(SystemExit) as ended:
+        run_command(classify, monkeypatch, override, f"hydra.run.dir={tmp_path}/run")
+    assert ended.value.code == 2
+    output = capsys.readouterr()
+    assert output.err.startswith("error: ") and named in output.err
+    assert "Traceback" not in output.err and output.out == ""
+
+
+def test_a_bug_keeps_its_traceback(monkeypatch, tmp_path):
+    monkeypatch.setattr(classify, "load_weights", lambda path: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
+
+
+def test_unknown_override_as_a_process(tmp_path):
+    done = process("sead=1", f"hydra.run.dir={tmp_path}")
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr.startswith("error: ") and "sead" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_help_names_presets_and_values():
+    done = process("--help")
+    assert done.returncode == 0 and done.stderr == ""
+    assert done.stdout.startswith("python -m experiments.classify [key=value ...]")
+    assert "preset=smoke|small|full" in done.stdout
+    assert "crop_size: 128" in done.stdout and "capture: null" in done.stdout
+
+
+def test_a_run_is_finished_by_its_last_file_and_its_configuration(tmp_path):
+    config = {"seed": 0, "folders": ("a", "b"), "distribution": {"process": 0}}
+    assert not is_finished(tmp_path / "absent", "metrics.json", config)
+    write_json(tmp_path / "run.json", {"config": config})
+    (tmp_path / "hydra").mkdir()
+    assert not is_finished(tmp_path, "metrics.json", config)
+    assert not is_finished(tmp_path, "metrics.json", config | {"seed": 1})  # that run left nothing behind
+    write_json(tmp_path / "metrics.json", {})
+    assert is_finished(tmp_path, "metrics.json", config)
+    assert is_finished(tmp_path, "metrics.json", config | {"distribution": {"process": 1}}, ("distribution",))
+    with pytest.raises(UserError, match=r"another configuration \(distribution, seed in run\.json\); delete it"):
+        is_finished(tmp_path, "metrics.json", config | {"seed": 1, "distribution": {"process": 1}})

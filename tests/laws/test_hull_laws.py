@@ -1,0 +1,210 @@
+"""The visual hull: contains the object, hugs it, keeps thin parts, ignores what is not valid."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.core.types import SH_C0, Camera, View
+from aerojax.gaussians.rotate import covariance
+from aerojax.geometry.cameras import look_at, project_points
+from aerojax.geometry.rotations import rotation_from_quaternion
+from aerojax.reconstruct.hull import HullConfig, visual_hull
+from aerojax.simulate.assets.catalogue import build_identity, identities
+from aerojax.simulate.render.image import ImageConfig
+from aerojax.simulate.render.scene import Dome, SceneRenderer
+from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+
+SIZE = 96
+CONFIG = HullConfig(grid=40, capacity=4096)
+DISTANCE, HALF_WIDTH = 20.0, 0.7  # the crop window's half side at the object, metres
+
+
+def rig(views, *, elevation=0.35):
+    """Crop cameras on a ring, alternately above and below."""
+    azimuth = 0.3 + 2 * np.pi * np.arange(views) / views
+    height = elevation * np.where(np.arange(views) % 2, -1.0, 1.0)
+    away = np.stack([np.cos(azimuth) * np.cos(height), np.sin(azimuth) * np.cos(height), np.sin(height)], axis=1)
+    poses = jnp.stack([look_at(jnp.asarray(DISTANCE * d, jnp.float32), jnp.zeros(3)) for d in away])
+    focal = SIZE / 2 * DISTANCE / HALF_WIDTH
+    K = jnp.array([[focal, 0.0, SIZE / 2], [0.0, focal, SIZE / 2], [0.0, 0.0, 1.0]])
+    return Camera(jnp.broadcast_to(K, (views, 3, 3)), poses, SIZE, SIZE)
+
+
+def pixel_directions(camera):
+    grid = (jnp.stack(jnp.meshgrid(jnp.arange(SIZE), jnp.arange(SIZE), indexing="xy"), axis=-1) + 0.5).reshape(-1, 2)
+    in_camera = jnp.concatenate([(grid - SIZE / 2) / camera.K[0, 0], jnp.ones((SIZE * SIZE, 1))], axis=-1)
+    along = in_camera @ camera.world_from_cam[:3, :3].T
+    return along / jnp.linalg.norm(along, axis=-1, keepdims=True)
+
+
+def sphere_mask(camera, radius, centre=(0.0, 0.0, 0.0)):
+    """The exact silhouette of a sphere: rays that pass within its radius."""
+    away = jnp.asarray(centre) - camera.world_from_cam[:3, 3]
+    directions = pixel_directions(camera)
+    closest = away - (directions @ away)[:, None] * directions
+    return (jnp.linalg.norm(closest, axis=-1) < radius).astype(jnp.float32).reshape(SIZE, SIZE)
+
+
+def rod_mask(camera, ends, radius):
+    """The silhouette of a capsule about a segment, by the projected axis and width."""
+    pixels = project_points(jnp.asarray(ends), camera)
+    grid = jnp.stack(jnp.meshgrid(jnp.arange(SIZE), jnp.arange(SIZE), indexing="xy"), axis=-1) + 0.5
+    along = pixels[1] - pixels[0]
+    share = jnp.clip(((grid - pixels[0]) @ along) / (along @ along), 0, 1)
+    gap = jnp.linalg.norm(grid - pixels[0] - share[..., None] * along, axis=-1)
+    return (gap < radius * camera.K[0, 0] / DISTANCE).astype(jnp.float32)
+
+
+def one(cameras, index):
+    return Camera(cameras.K[index], cameras.world_from_cam[index], SIZE, SIZE)
+
+
+def views_of(cameras, mask_of, colour=(0.2, 0.5, 0.7)):
+    masks = jnp.stack([mask_of(one(cameras, i)) for i in range(cameras.K.shape[0])])
+    rgb = jnp.where(masks[..., None] > 0.5, jnp.asarray(colour), 1.0)
+    return View(rgb, masks, cameras)
+
+
+@partial(jax.jit, static_argnames="config")
+def hull(views, valid, config=CONFIG):
+    return visual_hull(views, valid, config=config)
+
+
+def real(gaussians, count):
+    return jax.tree.map(lambda leaf: np.asarray(leaf[: int(count)]), gaussians)
+
+
+@pytest.mark.parametrize("views", [4, 6])
+def test_the_hull_hugs_and_contains_a_sphere(views):
+    radius = 0.4
+    seen = views_of(rig(views), partial(sphere_mask, radius=radius))
+    gaussians, count, cell = hull(seen, jnp.ones(views, bool))
+    found, cell = real(gaussians, count), float(cell)
+    assert 200 < int(count) <= CONFIG.capacity
+    distance = np.linalg.norm(found.mean, axis=1)
+    pixel = HALF_WIDTH * 2 / SIZE
+    assert distance.min() > radius - pixel  # no Gaussian inside the object
+    assert np.quantile(distance, 0.1) < radius + CONFIG.dilation * cell + pixel  # where cameras touch it, it is tight
+    assert distance.max() < 2.0 * radius  # four to six cameras leave corners, not spikes
+    outward = np.sum(
+        found.mean / distance[:, None] * rotation_from_quaternion(jnp.asarray(found.quaternion))[:, :, 2], 1
+    )
+    assert np.median(outward) > 0.85 and np.mean(outward > 0) > 0.97  # the third axis points away from the object
+    # Every true surface point is inside: below the hull's surface along its own direction.
+    tree = cKDTree(found.mean / distance[:, None])
+    directions = np.random.default_rng(0).normal(size=(300, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    above = distance[tree.query(directions)[1]]
+    assert np.mean(above > radius) > 0.99
+
+
+def test_colours_of_the_surface():
+    views = views_of(rig(5), partial(sphere_mask, radius=0.4))
+    found = real(*hull(views, jnp.ones(5, bool))[:2])
+    rgb = found.sh[:, 0] * SH_C0 + 0.5
+    np.testing.assert_allclose(np.median(rgb, axis=0), [0.2, 0.5, 0.7], atol=0.01)
+    assert np.quantile(np.abs(rgb - [0.2, 0.5, 0.7]).max(axis=1), 0.9) < 0.12
+    np.testing.assert_allclose(found.opacity, CONFIG.opacity)
+
+
+def test_gaussians_are_flat_tiles_of_about_a_cell():
+    gaussians, count, cell = hull(views_of(rig(5), partial(sphere_mask, radius=0.4)), jnp.ones(5, bool))
+    found = real(gaussians, count)
+    thickness = found.scale[:, 2] / float(cell)
+    assert thickness.min() > 0.14 and np.median(thickness) < 0.4
+    assert (found.scale[:, 2] <= found.scale[:, 0] * 1.001).mean() > 0.95
+    assert found.scale.max() < 2.0 * float(cell)
+    values = np.linalg.eigvalsh(covariance(gaussians)[: int(count)])
+    assert values.min() > 0
+
+
+def test_a_thin_rod_survives():
+    ends = jnp.array([[-0.45, -0.1, 0.05], [0.45, 0.12, -0.06]])
+    pixel = 2 * HALF_WIDTH / SIZE
+    gaussians, count, cell = hull(views_of(rig(5), lambda c: rod_mask(c, ends, 0.55 * pixel)), jnp.ones(5, bool))
+    found = real(gaussians, count)
+    assert int(count) > 20
+    axis = np.asarray(ends[1] - ends[0])
+    along = (found.mean - np.asarray(ends[0])) @ axis / (axis @ axis)
+    gap = np.linalg.norm(found.mean - np.asarray(ends[0]) - along[:, None] * axis, axis=1)
+    assert np.quantile(gap, 0.9) < 2.0 * float(cell)
+    filled = np.histogram(along, bins=12, range=(0, 1))[0]
+    assert (filled[1:-1] > 0).all()  # unbroken
+
+
+def test_an_invalid_view_constrains_nothing():
+    views, valid = views_of(rig(5), partial(sphere_mask, radius=0.4)), jnp.array([True, True, True, True, False])
+    good, count, _ = hull(views, valid)
+    spoilt = View(views.rgb.at[4].set(0.0), views.mask.at[4].set(0.0), views.camera)
+    same, count_spoilt, _ = hull(spoilt, valid)
+    assert int(count) == int(count_spoilt) > 0
+    for a, b in zip(jax.tree.leaves(good), jax.tree.leaves(same), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert int(hull(spoilt, jnp.ones(5, bool))[1]) == 0  # the same view, taken for true, empties the hull
+
+
+def test_silhouettes_that_do_not_meet_leave_nothing():
+    cameras = rig(4)
+    masks = [sphere_mask(one(cameras, i), 0.1, (0.0, 0.0, 0.4 if i < 2 else -0.4)) for i in range(4)]
+    views = View(jnp.ones((4, SIZE, SIZE, 3)), jnp.stack(masks), cameras)
+    gaussians, count, _ = hull(views, jnp.ones(4, bool))
+    assert int(count) == 0
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(gaussians))
+
+
+def mesh_views(identity, folder, cameras):
+    """Crops of a simulated object at rest at the origin, and its vertices."""
+    mesh = load_animated_mesh(build_identity(identity, folder))
+    vertices = mesh.vertices_at(0.3)
+    renderer, masks = SceneRenderer((mesh,), Dome(), ImageConfig()), []
+    renderer.pose([0.3], np.eye(4)[None])
+    for index in range(cameras.K.shape[0]):
+        camera = one(cameras, index)
+        K, pose = (np.asarray(array, np.float64) for array in (camera.K, camera.world_from_cam))
+        seen = CaptureCamera(f"cam_{index}", SIZE, SIZE, K, "none", (), pose, "{frame}.png", None, None, 0.0)
+        masks.append((renderer.image(seen).full("mask") > 0).astype(np.float32))
+    masks = jnp.asarray(np.stack(masks))
+    return View(jnp.ones((*masks.shape, 3)), masks, cameras), vertices[np.unique(mesh.faces)]
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_the_hull_contains_simulated_meshes(index, tmp_path):
+    views, vertices = mesh_views(identities("test", 1)[index], tmp_path, rig(5))
+    gaussians, count, cell = hull(views, jnp.ones(5, bool))
+    found = real(gaussians, count)
+    normals = np.asarray(rotation_from_quaternion(jnp.asarray(found.quaternion)))[:, :, 2]
+    _, nearest = cKDTree(found.mean).query(vertices)
+    above = np.sum((vertices - found.mean[nearest]) * normals[nearest], axis=1)
+    # A tip thinner than a quarter of a pixel is in no mask; all else lies below the nearest surface Gaussian.
+    assert np.mean(above < 0.75 * float(cell)) > 0.98
+    assert np.quantile(above, 0.9) < 0.25 * float(cell)
+    outside = cKDTree(vertices).query(found.mean)[0]
+    assert np.median(outside) < 4 * float(cell)  # and the surface is the object's, not a larger body's
+
+
+def test_padding_repeats_the_first_and_capacity_thins_evenly():
+    views, valid = views_of(rig(5), partial(sphere_mask, radius=0.4)), jnp.ones(5, bool)
+    gaussians, count, _ = hull(views, valid)
+    assert int(count) < CONFIG.capacity
+    np.testing.assert_array_equal(
+        gaussians.mean[int(count) :], np.broadcast_to(gaussians.mean[0], (CONFIG.capacity - int(count), 3))
+    )
+    few, kept, cell = hull(views, valid, HullConfig(grid=40, capacity=300))
+    assert int(kept) == 300 and len(np.unique(few.mean, axis=0)) == 300
+    gap = cKDTree(few.mean).query(gaussians.mean[: int(count)])[0]
+    assert gap.max() < 8 * float(cell)
+
+
+def test_the_order_of_views_does_not_matter():
+    views, valid = views_of(rig(5), partial(sphere_mask, radius=0.3, centre=(0.1, 0.05, -0.1))), jnp.ones(5, bool)
+    order = jnp.array([3, 1, 4, 0, 2])
+    one_way, other_way = hull(views, valid)[0], hull(jax.tree.map(lambda leaf: leaf[order], views), valid)[0]
+    np.testing.assert_allclose(one_way.mean, other_way.mean, atol=1e-5)
+    np.testing.assert_allclose(covariance(one_way), covariance(other_way), atol=1e-6)

@@ -1,0 +1,272 @@
+"""The report page: one file, no request, nothing unescaped, the right numbers, a bounded size."""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import html.parser
+import json
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from aerojax.view.encode import cloud_radius, jpeg_uri, jpegs_within, mask_box, mask_outline, pack_cloud
+from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport, write_report
+from aerojax.view.report.page import assemble
+from aerojax.view.svg import curves, height_curve, nice_ticks, top_view
+
+HOSTILE = '<script>alert("1")</script>&\'[[data]]'
+CLASSES = ("bird", "drone", "airplane", "helicopter")
+
+
+def make_frame(frame: int, cameras: tuple[str, ...] = ("cam_01", "cam_02", "cam_03"), side: int = 40) -> FrameReport:
+    rng = np.random.default_rng(frame)
+    crops = []
+    for index, camera in enumerate(cameras):
+        rgb = np.full((side, side + 10, 3), 30 * index + 20, np.uint8)
+        mask = np.zeros((side, side + 10), bool)
+        mask[10:30, 5:25] = True
+        rgb[mask] = (200, 40, 40)
+        crops.append(CameraCrop(camera, rgb, mask, (100.0, 50.0, 150.0, 90.0), (960, 540)))
+    points = rng.normal(size=(500, 3)).astype(np.float32) * np.float32(0.2) + np.float32(5)
+    colours = rng.integers(0, 256, (500, 3), dtype=np.uint8)
+    probabilities = np.array([0.1, 0.7, 0.15, 0.05], np.float32)
+    return FrameReport(frame, tuple(crops), points, colours, probabilities, np.array([1.0 + frame, 2.0, 8.0]))
+
+
+def make_report(frames: tuple[FrameReport, ...], **changes) -> ClassificationReport:
+    report = ClassificationReport(
+        title="flight 7",
+        label="drone",
+        probabilities=dict(zip(CLASSES, (0.0312, 0.9123, 0.0441, 0.0124), strict=True)),
+        truth="drone",
+        frames=frames,
+        dropped={3: "too few cameras", 4: "too few cameras", 9: "too small"},
+        latency_ms={"read": 12.34, "reconstruct": 201.5},
+        notes=("A remark.",),
+    )
+    return dataclasses.replace(report, **changes)
+
+
+class Page(html.parser.HTMLParser):
+    """Collects elements and texts of a page and checks that the elements nest."""
+
+    EMPTY = frozenset({"meta", "img", "input", "line", "circle", "rect", "path", "polyline", "br"})
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[tuple[str, str]] = []
+        self.open: list[str] = []
+        self.feed(text)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        if tag not in self.EMPTY:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.texts.append((self.open[-1] if self.open else "", data))
+
+    def visible(self) -> str:
+        return " ".join(text for tag, text in self.texts if tag not in ("script", "style"))
+
+    def data(self) -> dict:
+        scripts = [text for tag, text in self.texts if tag == "script"]
+        return json.loads(scripts[0])
+
+
+def write(tmp_path, report: ClassificationReport) -> tuple[str, Page]:
+    path = tmp_path / "new folder" / "page.html"
+    write_report(path, report)
+    text = path.read_text(encoding="utf-8")
+    return text, Page(text)
+
+
+def test_page_shows_the_numbers(tmp_path):
+    _, page = write(tmp_path, make_report(tuple(make_frame(i) for i in (0, 1, 2, 5))))
+    visible = page.visible()
+    for words in ("flight 7", "drone", "91.2 %", "0.9123", "0.0124", "✓ correct", "12.34", "201.50", "213.84"):
+        assert words in visible, words
+    assert "too few cameras" in visible and "3, 4" in visible and "A remark." in visible
+    assert [frame["frame"] for frame in page.data()["frames"]] == [0, 1, 2, 5]
+    assert page.data()["frames"][3]["place"] == [6.0, 2.0, 8.0]
+
+
+def test_wrong_and_unknown_truth(tmp_path):
+    frames = (make_frame(0),)
+    assert "✗ wrong · truth: bird" in write(tmp_path, make_report(frames, truth="bird"))[1].visible()
+    unknown = write(tmp_path, make_report(frames, truth=None))[1].visible()
+    assert "correct" not in unknown and "wrong" not in unknown
+
+
+def test_page_needs_nothing_from_outside(tmp_path):
+    text, page = write(tmp_path, make_report((make_frame(0), make_frame(1))))
+    text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
+    text = re.sub(r'"(xyz|rgb)":"[^"]*"', "", text)
+    assert not re.search(r"https?:|//[a-z]|url\(|@import|\bfetch\(|XMLHttpRequest", text)
+    assert not re.search(r"""\bsrc\s*=\s*["'](?!data:)""", text)
+    for tag, attributes in page.elements:
+        assert tag not in ("link", "iframe", "object", "embed", "base")
+        assert not {"src", "href", "srcset", "action"} & set(attributes)
+    (policy,) = [a["content"] for t, a in page.elements if a.get("http-equiv") == "Content-Security-Policy"]
+    assert "default-src 'none'" in policy and "img-src data:" in policy
+
+
+def test_every_text_is_escaped(tmp_path):
+    report = make_report(
+        (make_frame(0, (HOSTILE, "b")),),
+        title=HOSTILE,
+        label=HOSTILE,
+        truth=HOSTILE,
+        probabilities={HOSTILE: 1.0, "b": 0.0, "c": 0.0, "d": 0.0},
+        dropped={1: HOSTILE},
+        latency_ms={HOSTILE: 1.0},
+        notes=(HOSTILE,),
+    )
+    text, page = write(tmp_path, report)
+    assert "<script>alert" not in text
+    assert [tag for tag, _ in page.elements].count("script") == 2
+    assert page.visible().count(HOSTILE) == 10  # title twice; label, truth, bar, camera, legend, reason, stage, note
+    assert page.data()["cameras"] == [HOSTILE, "b"]
+
+
+def test_frames_and_crops_survive_the_journey(tmp_path):
+    frame = make_frame(4, ("cam_02",))
+    data = write(tmp_path, make_report((frame,)))[1].data()
+    crop = data["frames"][0]["crops"]["cam_02"]
+    assert crop["box"] == [100.0, 50.0, 150.0, 90.0] and crop["full"] == [960, 540]
+    assert crop["size"] == [50, 40] and crop["object"] == [5, 10, 25, 30]
+    jpeg = np.frombuffer(base64.b64decode(crop["jpeg"].partition(",")[2]), np.uint8)
+    image = cv2.cvtColor(cv2.imdecode(jpeg, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    np.testing.assert_allclose(image[20, 15].astype(int), (200, 40, 40), atol=12)
+
+
+def test_camera_without_crop_in_some_frames(tmp_path):
+    data = write(tmp_path, make_report((make_frame(0, ("a",)), make_frame(1, ("b",)))))[1].data()
+    assert data["cameras"] == ["a", "b"]
+    assert [list(frame["crops"]) for frame in data["frames"]] == [["a"], ["b"]]
+
+
+def test_no_frame_at_all(tmp_path):
+    _, page = write(tmp_path, make_report((), probabilities={}, latency_ms={}, dropped={}))
+    assert "No frame was usable" in page.visible() and page.data()["frames"] == []
+
+
+def test_numbers_that_are_none(tmp_path):
+    frame = make_frame(0)
+    points = frame.points.copy()
+    points[::7] = np.nan
+    lost = dataclasses.replace(frame, points=points, position=np.full(3, np.nan))
+    text, page = write(tmp_path, make_report((lost, make_frame(1))))
+    assert page.data()["frames"][0]["place"] == [None, None, None]
+    assert "nan" not in re.sub(r'"[A-Za-z0-9+/=]{40,}"|base64,[A-Za-z0-9+/=]+', "", text.lower())
+
+
+@pytest.mark.parametrize(("frames", "cameras"), [(60, 5), (420, 3), (2500, 0)])
+def test_long_captures_stay_below_four_megabytes(tmp_path, frames, cameras):
+    rng = np.random.default_rng(0)
+    rgb, mask = rng.integers(0, 256, (80, 90, 3), dtype=np.uint8), rng.random((80, 90)) > 0.5
+    crops = tuple(CameraCrop(f"c{i}", rgb, mask, (0.0, 0.0, 90.0, 80.0), (960, 540)) for i in range(cameras))
+    first = dataclasses.replace(make_frame(0), crops=crops)
+    report = make_report(tuple(dataclasses.replace(first, frame=i) for i in range(frames)), dropped={})
+    text, page = write(tmp_path, report)
+    assert len(text.encode()) < 4_000_000
+    shown = page.data()["frames"]
+    assert (f"shows {len(shown)} of {frames} frames" in page.visible()) == (len(shown) < frames)
+    places = re.search(r'data-at="([^"]*)"', text)[1].split(" ")
+    assert max(frame["index"] for frame in shown) < len(places)
+
+
+def test_assemble_names_a_missing_part():
+    with pytest.raises(KeyError, match="title"):
+        assemble({})
+
+
+def test_clouds_are_packed_within_a_step_of_quantisation():
+    points = np.random.default_rng(1).uniform(-1, 1, (200, 3)).astype(np.float32) + np.float32(40)
+    colours = np.arange(600, dtype=np.uint32).astype(np.uint8).reshape(200, 3)
+    packed = pack_cloud(points, colours, 2.0, 500)
+    xyz = np.frombuffer(base64.b64decode(packed["xyz"]), "<i2").reshape(-1, 3) / 32767 * 2.0
+    np.testing.assert_allclose(xyz, points - np.median(points, axis=0), atol=2.0 / 32767)
+    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(packed["rgb"]), np.uint8).reshape(-1, 3), colours)
+    assert packed["count"] == 200
+
+
+def test_clouds_are_thinned_and_outliers_left_out():
+    points = np.random.default_rng(1).normal(size=(1000, 3)).astype(np.float32)
+    points[5] = 1e6
+    points[6] = np.inf
+    radius = cloud_radius([points])
+    assert 2.0 < radius < 4.0
+    packed = pack_cloud(points, np.zeros((1000, 3), np.uint8), radius, 100)
+    assert len(base64.b64decode(packed["xyz"])) == 600 and packed["count"] == 1000
+    empty = pack_cloud(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), radius, 100)
+    assert empty == {"xyz": "", "rgb": "", "count": 0}
+    assert cloud_radius([]) == pytest.approx(1.15)
+
+
+def test_outline_and_box_of_a_mask():
+    mask = np.zeros((20, 30), bool)
+    assert mask_outline(mask) == "" and mask_box(mask) is None
+    mask[4:9, 10:16] = True
+    assert mask_box(mask) == [10, 4, 16, 9]
+    corners = {tuple(map(float, pair.split())) for pair in re.split("[MLZ]", mask_outline(mask)) if pair}
+    assert corners == {(10.5, 4.5), (15.5, 4.5), (15.5, 8.5), (10.5, 8.5)}
+    specks = np.random.default_rng(0).random((80, 80)) > 0.6
+    assert 0 < len(mask_outline(specks, 300)) <= 300
+
+
+def test_images_shrink_to_the_budget():
+    image = np.random.default_rng(0).integers(0, 256, (300, 200, 3), dtype=np.uint8)
+    generous, tight = jpegs_within([image] * 3, 10**7), jpegs_within([image] * 3, 30_000)
+    assert sum(map(len, tight)) <= 30_000 < sum(map(len, generous))
+    decoded = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg_uri(image, 150, 80).partition(",")[2]), np.uint8), 1)
+    assert decoded.shape == (150, 100, 3)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [
+        (0.0, 1.0, [0, 0.2, 0.4, 0.6, 0.8, 1]),
+        (-3.0, 12.0, [-2, 0, 2, 4, 6, 8, 10, 12]),
+        (0.0, 23.0, [0, 5, 10, 15, 20]),
+        (2.0, 2.0, [2]),
+    ],
+)
+def test_ticks_are_round(low, high, ticks):
+    assert nice_ticks(low, high) == pytest.approx(ticks)
+
+
+def polyline(svg: str) -> np.ndarray:
+    return np.array([[float(v) for v in p.split(",")] for p in re.search(r'points="([^"]*)"', svg)[1].split(" ")])
+
+
+def test_top_view_has_one_scale_and_points_up():
+    places = polyline(top_view(np.array([[0.0, 0, 5], [4.0, 0, 5], [4.0, 3, 5]])))
+    right, up = places[1] - places[0], places[2] - places[1]
+    assert right[0] > 0 and up[1] < 0
+    assert right[0] / 4 == pytest.approx(-up[1] / 3, abs=0.1)
+    assert right[1] == up[0] == 0
+
+
+def test_curves_place_values_and_cursors():
+    svg = curves("p", [2, 4, 6], {"a": [0.0, 1.0, 0.5], "b": [0.0, float("nan"), 1.0]}, "p")
+    places = polyline(svg)
+    assert places[1, 1] < places[2, 1] < places[0, 1]
+    assert places[2, 1] == pytest.approx((places[0, 1] + places[1, 1]) / 2, abs=0.1)
+    cursor = [float(p.split(",")[0]) for p in re.search(r'data-at="([^"]*)"', svg)[1].split(" ")]
+    assert cursor == places[:, 0].tolist()
+    assert len(re.search(r's1" points="([^"]*)"', svg)[1].split(" ")) == 2
+    assert len(re.search(r'data-at="([^"]*)"', height_curve([0, 1], [float("nan"), 3.0]))[1].split(" ")) == 2
