@@ -1,7 +1,8 @@
-"""Values that cross a stage border: cameras, views and Gaussians.
+"""Values that cross a stage border, in the order in which a frame meets them.
 
-Every type is a frozen dataclass and a JAX pytree. Batches are made by `jax.vmap` or by a leading axis on every array;
-the shapes below are those of one example.
+FrameSet → Silhouette → Track → Observation (with its View) → Gaussians. What JAX computes with (Camera, View, Gaussians)
+is a frozen dataclass and a pytree: batches are made by `jax.vmap` or by a leading axis on every array, and the shapes
+below are those of one example. The others are host values.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from typing import Any, TypeVar, dataclass_transform
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32, Float64, UInt16
 
 _T = TypeVar("_T")
 
@@ -78,6 +80,96 @@ class View:
     rgb: Float[Array, "*batch height width 3"]
     mask: Float[Array, "*batch height width"]
     camera: Camera
+
+
+Box = tuple[float, float, float, float]
+"""x0, y0, x1, y1 in pixels with exclusive ends."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FrameSet:
+    """What all cameras of a network recorded at one instant; one entry a camera, None where it recorded nothing.
+
+    frame: number on the network's common clock. time_s: seconds since frame 0.
+    rgb: undistorted sRGB images, 0..1.
+    ids: instance masks that came with the images, 0 = background; None without masks.
+    """
+
+    frame: int
+    time_s: float
+    rgb: tuple[Float32[np.ndarray, "height width 3"] | None, ...]
+    ids: tuple[UInt16[np.ndarray, "height width"] | None, ...]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Silhouette:
+    """One object in one camera's image.
+
+    camera: index in the network.
+    object_id: which object the segmenter says that it is; equal ids in two cameras need not be one object.
+    coverage: share of each pixel that the object covers, 0..1.
+    box: of the pixels that it covers by more than half.
+    whole: whether the box keeps clear of the image's border, so that the outline is the object's own.
+    """
+
+    camera: int
+    object_id: int
+    coverage: Float32[np.ndarray, "height width"]
+    box: Box
+    whole: bool
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Track:
+    """One object in one frame: its silhouettes in all cameras, and where it is.
+
+    number: of the object, the same in every frame.
+    silhouettes: one entry a camera; None where the camera does not show it.
+    position, velocity: metres and metres a second, in the frame of the cameras that the tracker was given; None where
+        fewer than two cameras show the object whole, or before a second frame.
+    covariance: of the position, square metres, from the pixel noise that the tracker assumes.
+    """
+
+    number: int
+    silhouettes: tuple[Silhouette | None, ...]
+    position: Float64[np.ndarray, "3"] | None
+    velocity: Float64[np.ndarray, "3"] | None
+    covariance: Float64[np.ndarray, "3 3"] | None
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Observation:
+    """One object's crops in one frame, as the reconstructor gets them, and how they were cut.
+
+    frame: number.
+    views: crops of all cameras; their cameras stand in the crop's frame, which has the rig's axes and the object at
+        its origin. Those of cameras that do not count are black.
+    valid: cameras that count.
+    boxes: of the object in the images; None where a camera does not show it.
+    crop_from_image: homographies from pixels of the images to pixels of the crops (centres at +0.5).
+    rig_from_crop, world_from_rig: rigid transforms; the rig's frame is that of its first camera.
+    """
+
+    frame: int
+    views: View
+    valid: Bool[np.ndarray, "view"]
+    boxes: tuple[Box | None, ...]
+    crop_from_image: Float64[np.ndarray, "view 3 3"]
+    rig_from_crop: Float64[np.ndarray, "4 4"]
+    world_from_rig: Float64[np.ndarray, "4 4"]
+
+    @property
+    def world_from_crop(self) -> Float64[np.ndarray, "4 4"]:
+        """Rigid transform of what was reconstructed to the world, metres."""
+        return self.world_from_rig @ self.rig_from_crop
+
+    @property
+    def windows(self) -> Float64[np.ndarray, "view 4 2"]:
+        """Corners of the crops in the images, pixels, clockwise from the top left."""
+        size = float(self.views.camera.width)
+        corners = np.array([[0, 0, 1], [size, 0, 1], [size, size, 1], [0, size, 1]])
+        inside = corners @ np.linalg.inv(self.crop_from_image).transpose(0, 2, 1)
+        return inside[..., :2] / inside[..., 2:]
 
 
 @pytree_dataclass

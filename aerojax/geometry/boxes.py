@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool
 
-Box = tuple[float, float, float, float]
+from aerojax.core.types import Box
 
 
 def tight_box(mask: Bool[np.ndarray, "height width"], *, min_pixels: int = 1) -> Box | None:
