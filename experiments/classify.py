@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from aerojax.capture.format import Capture, read_capture
+from aerojax.classify.load import load_classifier as open_classifier
 from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.classify.weights import load_metadata, load_weights
 from aerojax.core.types import CLASSES
 from aerojax.pipeline.offline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
 from aerojax.simulate.sample import SampleConfig, sample_capture
@@ -42,8 +41,8 @@ class Config:
 
 def load_classifier(weights: Path | None) -> tuple[MambaSplat, int]:
     """A trained model (the shipped one if None) and how many tokens a frame it reads."""
-    path = weights or PRETRAINED
-    return load_weights(path), json.loads(load_metadata(path)["reading"])["tokens"]
+    classifier = open_classifier(weights)
+    return classifier.network, classifier.card.tokens
 
 
 def true_class(capture: Capture, object_id: int | None) -> str | None:

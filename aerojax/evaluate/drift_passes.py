@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from aerojax.classify.mambasplat.lifting import normalise_published
+from aerojax.classify.released.normalisation import normalise_published
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.evaluate.drift import axis_relabellings, drift_figures, relabel_axes
 from aerojax.evaluate.rotations import draw_rotations, rotate_clip

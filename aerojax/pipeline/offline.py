@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_mask, read_rgb
-from aerojax.classify.mambasplat.lifting import normalise_published
+from aerojax.classify.released.normalisation import normalise_published
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.core.errors import UserError
 from aerojax.core.types import Camera, Gaussians, View

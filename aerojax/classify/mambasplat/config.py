@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from jaxtyping import Array, Key
+
+from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.motion import MOTION_FEATURES
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
+
+if TYPE_CHECKING:
+    from aerojax.classify.mambasplat.classifier import MambaSplatClassifier
 
 Mode = Literal["C", "C_O", "C_SH", "C_S_R", "C_O_S_R", "X"]
 """Attributes that the model reads: centres C, opacity O, colour SH, scales and rotations S_R; X is all of them."""
@@ -31,19 +38,20 @@ def uses_shape(mode: Mode) -> bool:
 
 
 @dataclasses.dataclass(frozen=True)
-class MambaSplatConfig:
+class MambaSplatConfig(ClassifierConfig):
     """Size, operators and input of a MambaSplat model.
 
     The defaults are the exact variant; `published_config` gives the thesis' released model. `variant` chooses the
     operators (norms, initialisation, biases), every other field can be changed alone. Rates are probabilities.
     """
 
+    name: Literal["mambasplat"] = "mambasplat"
     variant: Literal["published", "exact"] = "exact"
     mode: Mode = "X"
     lifting: Literal["columns", "covariance"] = "covariance"
-    scale_normalisation: Literal["clip", "robust", "frame", "none"] = "clip"
+    scale_normalisation: Literal["clip", "robust", "running", "frame", "none"] = "clip"
     """Length that positions are divided by: root mean square distance over the clip, median distance over the clip
-    (floaters far away do not count), root mean square over each frame, or 1."""
+    (floaters far away do not count), root mean square over the frames so far, over each frame alone, or 1."""
     scalar_slots: int = 1
     """Invariant slots of a token (exact variant only; the published one has one per attribute)."""
     metric_size: bool = False
@@ -95,6 +103,35 @@ class MambaSplatConfig:
             raise UserError("out-of-range", f"d_model is {self.d_model} in MambaSplatConfig", "it must be even")
         if self.variant == "published":
             self._refuse_unless_published()
+
+    @property
+    def looks_ahead(self) -> str | None:
+        """The field and value for which a frame is read otherwise because of its neighbours in the clip, if any."""
+        if self.variant == "published":
+            return "variant is 'published', which counts frames that were not recorded"
+        if self.scale_normalisation in ("clip", "robust"):
+            return f"scale_normalisation is {self.scale_normalisation!r}, not 'running', 'frame' or 'none'"
+        if self.motion_features:
+            return "motion_features is True, not False"
+        return "positional_encoding is True, not False" if self.positional_encoding else None
+
+    def build(self, card: Card, *, key: Key[Array, ""]) -> MambaSplatClassifier:
+        """A classifier with random weights and the given card."""
+        # The network is made of this configuration, so its module cannot be imported before this one is.
+        from aerojax.classify.mambasplat.classifier import MambaSplatClassifier
+        from aerojax.classify.mambasplat.model import MambaSplat
+
+        return MambaSplatClassifier(MambaSplat(self, key=key), card)
+
+    @property
+    def label(self) -> str:
+        """Such as MambaSplat-4D E(X), exact variant."""
+        return f"MambaSplat-4D E({self.mode}), {self.variant} variant"
+
+    @property
+    def rotation_invariant(self) -> bool:
+        """Whether no rotation of the world changes the logits: the published variant has biases with directions."""
+        return self.variant == "exact"
 
     def _refuse_unless_published(self) -> None:
         for name, needed in PUBLISHED.items():

@@ -11,12 +11,24 @@ from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, uses_colo
 from aerojax.classify.mambasplat.encoder import bias_epsilon, masked_mean, weight_init
 from aerojax.classify.mambasplat.motion import median_distance, motion_invariants
 from aerojax.classify.mambasplat.vector_neurons import VNLinear, draw_weight
-from aerojax.core.types import SH_C0
+from aerojax.core.types import pytree_dataclass
 from aerojax.geometry.covariances import covariance_from_axes
-from aerojax.geometry.rotations import canonical_sign, normalise, rotation_from_quaternion
+from aerojax.geometry.rotations import rotation_from_quaternion
 
 SMALLEST_RELATIVE_SCALE = 1e-4
 """Scales below this share of the object's radius count as this: a flat Gaussian's logarithm stays finite."""
+
+
+@pytree_dataclass
+class ScaleSums:
+    """Sums over the valid tokens of all frames so far, from which the running radius follows.
+
+    moment: squared distance from the frame's centre, weighted, square metres.
+    weight: of the tokens.
+    """
+
+    moment: Float[Array, ""]
+    weight: Float[Array, ""]
 
 
 def normalise_clip(
@@ -25,13 +37,21 @@ def normalise_clip(
     """Centre each frame and divide positions and scales by a radius; padded tokens become zero.
 
     The centre is a frame's mean position and the radius the root of the mean squared distance from it, both weighted by
-    opacity where the mode reads opacity (floaters are faint). `scale_normalisation` says whether all frames share the
-    radius of the clip, so that growth and shrinkage remain visible.
+    opacity where the mode reads opacity (floaters are faint). `scale_normalisation` says over which frames the radius
+    is taken: where they share one, growth and shrinkage remain visible.
 
     Returns:
         Normalised columns and each frame's further invariants: log of the radius in metres (`metric_size`) and how it
         moves (`motion_features`).
     """
+    nothing = jnp.zeros((), columns.dtype)
+    return normalise_after(ScaleSums(nothing, nothing), columns, mask, config)[:2]
+
+
+def normalise_after(
+    before: ScaleSums, columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"], config: MambaSplatConfig
+) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"], ScaleSums]:
+    """`normalise_clip` of frames that follow others, and the sums with these frames."""
     columns = jnp.where(mask[..., None], columns, 0.0)
     weights = mask.astype(columns.dtype)
     if uses_opacity(config.mode):
@@ -40,41 +60,37 @@ def normalise_clip(
     centre = jnp.einsum("tnc,tn->tc", columns[..., :3], weights) / jnp.maximum(total, 1e-9)[:, None]
     centred = (columns[..., :3] - centre[:, None]) * mask[..., None]
     moment = jnp.einsum("tnc,tn->t", centred * centred, weights)
-    if config.scale_normalisation == "clip":
-        radius = jnp.broadcast_to(_root_mean(moment.sum(), total.sum()), moment.shape)
-    elif config.scale_normalisation == "robust":
-        distance = jnp.sqrt(jnp.sum(centred**2, axis=-1) + 1e-12)
-        radius = jnp.broadcast_to(median_distance(distance, mask) + 1e-6, moment.shape)
-    elif config.scale_normalisation == "frame":
-        radius = _root_mean(moment, total)
-    else:
-        radius = jnp.ones_like(moment)
+    so_far = before.moment + jnp.cumsum(moment), before.weight + jnp.cumsum(total)
+    radius = _radius(centred, mask, (moment, total), so_far, config)
     extra = [jnp.log(radius)[:, None]] if config.metric_size else [jnp.zeros((len(radius), 0), radius.dtype)]
     if config.motion_features:
         extra.append(motion_invariants(columns, weights, centre, radius))
     inverse = 1 / radius[:, None, None]
     parts = (centred * inverse, columns[..., 3:7], columns[..., 7:10] * inverse, columns[..., 10:])
-    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1)
+    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1), ScaleSums(so_far[0][-1], so_far[1][-1])
+
+
+def _radius(
+    centred: Float[Array, "time token 3"],
+    mask: Bool[Array, "time token"],
+    frames: tuple[Float[Array, "time"], Float[Array, "time"]],
+    so_far: tuple[Float[Array, "time"], Float[Array, "time"]],
+    config: MambaSplatConfig,
+) -> Float[Array, "time"]:
+    """The length of `scale_normalisation`, metres, from each frame's sums of moment and weight and those so far."""
+    moment, total = frames
+    if config.scale_normalisation == "clip":
+        return jnp.broadcast_to(_root_mean(moment.sum(), total.sum()), moment.shape)
+    if config.scale_normalisation == "robust":
+        distance = jnp.sqrt(jnp.sum(centred**2, axis=-1) + 1e-12)
+        return jnp.broadcast_to(median_distance(distance, mask) + 1e-6, moment.shape)
+    if config.scale_normalisation == "running":
+        return _root_mean(*so_far)
+    return _root_mean(moment, total) if config.scale_normalisation == "frame" else jnp.ones_like(moment)
 
 
 def _root_mean(moment: Float[Array, "*frame"], total: Float[Array, "*frame"]) -> Float[Array, "*frame"]:
     return jnp.sqrt(moment / jnp.maximum(total, 1e-9) + 1e-12)
-
-
-def normalise_published(columns: Float[Array, "token 14"]) -> Float[Array, "token 14"]:
-    """The released code's preprocessing of one whole frame, before any subset is drawn.
-
-    Positions into the unit ball about the unweighted mean; scales divided by the same radius and then by the largest
-    norm of a scale vector; opacity to [-1, 1]; colour 2·clip(C0·f_dc, ±½)/√3; quaternion with w ≥ 0.
-    """
-    position = columns[:, :3] - columns[:, :3].mean(axis=0)
-    radius = jnp.maximum(jnp.linalg.norm(position, axis=-1).max(), 1e-12)
-    scale = columns[:, 7:10] / radius
-    scale = scale / jnp.maximum(jnp.linalg.norm(scale, axis=-1).max(), 1e-12)
-    quaternion = canonical_sign(normalise(columns[:, 3:7]))
-    colour = jnp.clip(SH_C0 * columns[:, 11:14], -0.5, 0.5) * (2 / 3**0.5)
-    parts = (position / radius, quaternion, scale, 2 * columns[:, 10:11] - 1, colour)
-    return jnp.concatenate(parts, axis=-1)
 
 
 def column_vectors(

@@ -27,7 +27,13 @@ from jaxtyping import Array, Bool, Float, Key
 from aerojax.classify.mambasplat.bridges import InvariantBridge
 from aerojax.classify.mambasplat.config import MambaSplatConfig, uses_colour, uses_opacity
 from aerojax.classify.mambasplat.encoder import LARGE_FRAME, VNEncoder, masked_mean, weight_init
-from aerojax.classify.mambasplat.lifting import ExactLifting, PublishedLifting, normalise_clip
+from aerojax.classify.mambasplat.lifting import (
+    ExactLifting,
+    PublishedLifting,
+    ScaleSums,
+    normalise_after,
+    normalise_clip,
+)
 from aerojax.classify.mambasplat.mamba import Linear, MambaStack, MambaState, drop, sinusoids
 from aerojax.classify.mambasplat.vector_neurons import VNLinear
 from aerojax.core.types import pytree_dataclass
@@ -38,12 +44,14 @@ class StreamState:
     """What the model remembers of a stream.
 
     temporal: the state of the Mamba layers, if the model has any.
+    scale: sums of the running radius.
     total: sum of the frame embeddings so far.
     count: number of valid frames so far.
     embedding: the last valid frame's embedding.
     """
 
     temporal: MambaState | None
+    scale: ScaleSums
     total: Float[Array, "width"]
     count: Float[Array, ""]
     embedding: Float[Array, "width"]
@@ -88,8 +96,8 @@ class MambaSplat(nnx.Module):
         """Classify one clip.
 
         Args:
-            columns: exact variant: metric world Gaussians, normalised here; published variant: the output of
-                `normalise_published`. Padded rows may hold anything in the exact variant.
+            columns: exact variant: metric world Gaussians, normalised here; published variant: frames as the released
+                code prepares them. Padded rows may hold anything in the exact variant.
             mask: valid tokens. In the exact variant a frame without any is as if it had not been recorded; the
                 published one counts it.
             key: turns on dropout.
@@ -128,41 +136,63 @@ class MambaSplat(nnx.Module):
         self, features: Float[Array, "time width"], valid: Bool[Array, "time"], *, key: Key[Array, ""] | None = None
     ) -> Float[Array, "width"]:
         """Encode descriptors over time and read out one embedding; frames that are not valid leave no trace."""
-        position_key, layer_key = (None, None) if key is None else jax.random.split(key)
-        if self.config.positional_encoding:
-            features = features + sinusoids(*features.shape)
-        if self.temporal is not None:
-            # Valid frames first: the model is causal, so what comes after them cannot reach them.
-            order = jnp.argsort(~valid, stable=True)
-            features, valid = features[order], valid[order]
-            features = drop(features, self.config.dropout, key=position_key)
-            features = self.temporal(features, key=layer_key)
+        features, valid = self._encode(features, valid, key)
         if self.config.readout == "mean":
             return masked_mean(features, valid)
         last = jnp.max(jnp.where(valid, jnp.arange(valid.shape[0]), 0))
         return features[last] * valid.any()
 
+    def _encode(self, features: Array, valid: Array, key: Array | None) -> tuple[Array, Array]:
+        """Encoded descriptors with the valid ones first: the layers are causal, so no other one reaches those."""
+        position_key, layer_key = (None, None) if key is None else jax.random.split(key)
+        if self.config.positional_encoding:
+            features = features + sinusoids(*features.shape).astype(features.dtype)
+        order = jnp.argsort(~valid, stable=True)
+        features, valid = features[order], valid[order]
+        if self.temporal is not None:
+            features = drop(features, self.config.dropout, key=position_key)
+            features = self.temporal(features, key=layer_key)
+        return features, valid
+
+    def prefixes(
+        self, columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"]
+    ) -> Float[Array, "time label"]:
+        """Logits after each frame, all from one pass over the clip, whose scale they share.
+
+        What is read out after t frames is the mean, or the last, of the encoded valid frames up to t, and the encoder
+        is causal: nothing is computed twice.
+        """
+        features, valid = self.frame_features(columns, mask)
+        encoded, first = self._encode(features, valid, None)
+        if self.config.readout == "mean":
+            weights = first.astype(encoded.dtype)[:, None]
+            encoded = jnp.cumsum(encoded * weights, axis=0) / jnp.maximum(jnp.cumsum(weights, axis=0), 1.0)
+        count = jnp.cumsum(valid)
+        read = jnp.where(count[:, None] > 0, encoded[jnp.maximum(count - 1, 0)], jnp.zeros((), encoded.dtype))
+        return jax.vmap(self.head)(read)
+
     def initial_state(self) -> StreamState:
         """The state of a stream before its first frame."""
-        zero = jnp.zeros(self.config.d_model)
+        kind = jax.tree.leaves(self)[0].dtype
+        zero, none = jnp.zeros(self.config.d_model, kind), jnp.zeros((), kind)
         temporal = self.temporal.initial_state() if self.temporal is not None else None
-        return StreamState(temporal, zero, jnp.zeros(()), zero)
+        return StreamState(temporal, ScaleSums(none, none), zero, none, zero)
 
     def step(
-        self, features: Float[Array, "width"], valid: Bool[Array, ""], state: StreamState
+        self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], state: StreamState
     ) -> tuple[Float[Array, "label"], StreamState]:
-        """Logits after one more frame of a stream; equal to `embed` and the head over all frames so far.
+        """Logits after one more frame of a stream; equal to those of all frames so far as one clip.
 
         Args:
-            features: a frame's descriptor from `frame_features`.
-            valid: False leaves the state as it was.
-            state: from `initial_state` or the last step. A table of positions would end a stream, so none is added:
-                use `positional_encoding` False.
+            columns: a frame, as the call wants them, of a model whose configuration does not look ahead.
+            mask: valid tokens; a frame without any leaves the state as it was.
+            state: from `initial_state` or the last step.
         """
-        embedding, temporal = features, state.temporal
+        normalised, extra, scale = normalise_after(state.scale, columns[None], mask[None], self.config)
+        embedding, temporal = self.describe(normalised[0], mask, extra[0]), state.temporal
         if self.temporal is not None and temporal is not None:
-            embedding, temporal = self.temporal.step(features, temporal)
-        following = StreamState(temporal, state.total + embedding, state.count + 1, embedding)
-        following = jax.tree.map(lambda new, old: jnp.where(valid, new, old), following, state)
+            embedding, temporal = self.temporal.step(embedding, temporal)
+        following = StreamState(temporal, scale, state.total + embedding, state.count + 1, embedding)
+        following = jax.tree.map(lambda new, old: jnp.where(mask.any(), new, old), following, state)
         mean = following.total / jnp.maximum(following.count, 1.0)
         return self.head(mean if self.config.readout == "mean" else following.embedding), following

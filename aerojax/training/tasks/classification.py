@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 
 from aerojax.classify.mambasplat.config import MambaSplatConfig
-from aerojax.classify.mambasplat.lifting import normalise_published
+from aerojax.classify.released.normalisation import normalise_published
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.evaluate.clip_reading import predict
 from aerojax.evaluate.labels import label_figures

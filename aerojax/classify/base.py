@@ -1,0 +1,162 @@
+"""The door of stage 3: a classifier takes the Gaussians of one frame after the other and gives logits after each."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+
+import jax
+from jaxtyping import Array, Bool, Float, Key
+
+from aerojax.classify.card import Card, Settings, TrainRotation, flat_settings
+from aerojax.core.config import to_mapping
+from aerojax.core.types import CLASSES, Gaussians
+
+State = Any
+"""A pytree of a size that does not grow, which only the classifier that made it understands."""
+
+
+@runtime_checkable
+class Classifier(Protocol):
+    """A trained classifier: a pytree whose data are its parameters and whose structure holds its card.
+
+    All logits are logarithms of class probabilities: those of `card.token_ensembles` disjoint subsets of the tokens,
+    averaged. Gaussians are in metres, world frame, in random order within a frame.
+    """
+
+    @property
+    def card(self) -> Card:
+        """What the classifier was trained with and how it is read."""
+        ...
+
+    @property
+    def causal(self) -> bool:
+        """Whether nothing looks ahead, so that frames can be classified as they come."""
+        ...
+
+    def initial(self) -> State:
+        """The state before the first frame."""
+        ...
+
+    def step(self, gaussians: Gaussians, valid: Bool[Array, ""], state: State) -> tuple[Float[Array, "label"], State]:
+        """Logits after one more frame, in time and memory that do not grow.
+
+        Args:
+            gaussians: of one frame; as many in every frame of a stream.
+            valid: False leaves the state, and so the logits, as they were.
+            state: from `initial` or the last step.
+
+        Raises:
+            UserError: the classifier is not causal; the message names why.
+        """
+        ...
+
+    def clip(self, gaussians: Gaussians, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+        """Logits after each frame of a clip; the last row is the answer.
+
+        Equal to the fold of `step` for causal classifiers. Time and memory grow linearly with the frames.
+
+        Args:
+            gaussians: leading axis time.
+            valid: frames that count.
+        """
+        ...
+
+
+@runtime_checkable
+class Trainable(Classifier, Protocol):
+    """A classifier as training sees it: `jax.grad` with respect to it gives a classifier of gradients."""
+
+    @property
+    def network(self) -> Any:
+        """The pytree that holds every parameter."""
+        ...
+
+    def prepare(self, columns: Float[Array, "*batch token 14"]) -> Float[Array, "*batch token 14"]:
+        """What is done to a whole frame before a subset of its tokens is drawn; often nothing."""
+        ...
+
+    def logits(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        *,
+        key: Key[Array, ""] | None = None,
+    ) -> Float[Array, "label"]:
+        """The network's own logits of one clip of prepared tokens, without ensembles.
+
+        Args:
+            columns: attributes as `Gaussians.columns` orders them, after `prepare`.
+            mask: valid tokens.
+            key: turns on dropout.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class ClassifierConfig:
+    """What an untrained classifier is made of; members have a field `name`, by which they are chosen."""
+
+    members: ClassVar[str] = "aerojax.classify.members"
+
+    def build(self, card: Card, *, key: Key[Array, ""]) -> Trainable:
+        """A classifier with random weights and the given card."""
+        raise NotImplementedError
+
+    @property
+    def label(self) -> str:
+        """A short name for people."""
+        raise NotImplementedError
+
+    @property
+    def rotation_invariant(self) -> bool:
+        """Whether no rotation of the world changes the logits, whatever the weights."""
+        raise NotImplementedError
+
+
+def untrained(
+    config: ClassifierConfig,
+    *,
+    tokens: int,
+    frames: int,
+    key: Key[Array, ""],
+    token_ensembles: int = 4,
+    rotation: TrainRotation = "none",
+    settings: Settings = (),
+) -> Trainable:
+    """A classifier with random weights and the card that its training will begin with; see `Card` for the arguments."""
+    values = dict(flat_settings(to_mapping(config)))
+    card = Card(
+        name=config.label,
+        member=str(values.pop("name")),
+        config=tuple(sorted(values.items())),
+        classes=CLASSES,
+        tokens=tokens,
+        frames=frames,
+        token_ensembles=token_ensembles,
+        scale_normalisation=str(values.get("scale_normalisation", "none")),
+        rotation_invariant=config.rotation_invariant,
+        rotation=rotation,
+        settings=settings,
+    )
+    return config.build(card, key=key)
+
+
+_C = TypeVar("_C", bound=Classifier)
+
+
+def with_card(classifier: _C, **changes: Any) -> _C:
+    """The same classifier with other values in fields of its card, such as `token_ensembles`."""
+    return dataclasses.replace(classifier, card=dataclasses.replace(classifier.card, **changes))  # pyrefly: ignore
+
+
+def parameter_names(tree: Any) -> list[tuple[str, Any]]:
+    """Dotted names and leaves of a network, or of a tree shaped like one (its gradient, its shapes)."""
+    leaves = jax.tree_util.tree_leaves_with_path(tree)
+    return [(jax.tree_util.keystr(p, simple=True, separator=".").removesuffix(".value"), leaf) for p, leaf in leaves]
+
+
+def parameter_count(tree: Any) -> int:
+    """How many numbers a network holds."""
+    return sum(leaf.size for leaf in jax.tree.leaves(tree))
