@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-from types import ModuleType
-from typing import TypeVar
-
-import jax
-import jax.numpy as jnp
-import numpy as np
-
-_A = TypeVar("_A", np.ndarray, jax.Array)
+from aerojax.core.arrays import AnyArray, namespace
 
 
-def _namespace(x: np.ndarray | jax.Array) -> ModuleType:
-    return jnp if isinstance(x, jax.Array) else np
-
-
-def srgb_from_linear(linear: _A) -> _A:
+def srgb_from_linear(linear: AnyArray) -> AnyArray:
     """Encode linear light, 0..1; values below 0 go on along the straight part. Its gradient is finite everywhere."""
-    xp = _namespace(linear)
+    xp = namespace(linear)
     # The power is never taken of what the straight part covers: its slope there has no bound.
     return xp.where(linear <= 0.0031308, 12.92 * linear, 1.055 * xp.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def linear_from_srgb(encoded: _A) -> _A:
+def linear_from_srgb(encoded: AnyArray) -> AnyArray:
     """Linear light of sRGB values, 0..1; the inverse of `srgb_from_linear`."""
-    xp = _namespace(encoded)
+    xp = namespace(encoded)
     return xp.where(encoded <= 0.04045, encoded / 12.92, ((xp.maximum(encoded, 0.04045) + 0.055) / 1.055) ** 2.4)

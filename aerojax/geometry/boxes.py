@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from aerojax.core.types import Box
+from aerojax.geometry.cameras import Pinhole, project_points
+
+__all__ = ["Box", "box_iou", "projected_box", "tight_box", "touches_border"]
 
 
 def tight_box(mask: Bool[np.ndarray, "height width"], *, min_pixels: int = 1) -> Box | None:
@@ -14,6 +17,15 @@ def tight_box(mask: Bool[np.ndarray, "height width"], *, min_pixels: int = 1) ->
         return None
     columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
     return float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1)
+
+
+def projected_box(points_world: Float[np.ndarray, "point 3"], camera: Pinhole) -> Box | None:
+    """Box around projected points (metres, world), not clipped to the image; None if any is behind the camera."""
+    pixels = project_points(points_world, camera, behind=np.nan)
+    if np.isnan(pixels).any():
+        return None
+    (x0, y0), (x1, y1) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    return x0, y0, x1, y1
 
 
 def box_iou(a: Box, b: Box) -> float:

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Key
 
+from aerojax.core.arrays import AnyArray
 
-def normalise(vector: Float[Array, "*batch axis"], *, eps: float = 1e-12) -> Float[Array, "*batch axis"]:
-    """Unit vector along the last axis; the zero vector stays zero and its gradient finite."""
+
+def normalise(vector: Float[AnyArray, "*batch axis"], *, eps: float = 1e-12) -> Float[AnyArray, "*batch axis"]:
+    """Unit vector along the last axis, NumPy or JAX; the zero vector stays zero and its gradient finite."""
+    if isinstance(vector, np.ndarray):
+        return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), eps)
     square = jnp.sum(vector * vector, axis=-1, keepdims=True)
     return vector * jax.lax.rsqrt(jnp.maximum(square, eps * eps))
 
