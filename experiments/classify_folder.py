@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jax
@@ -11,24 +11,30 @@ from rich.console import Console
 from rich.table import Table
 
 from aerojax.capture.format import read_capture
+from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
-from aerojax.pipeline.offline import PipelineConfig, probabilities_so_far, reconstruct_capture
-from experiments._launch.command import Run, experiment, provenance, write_json
+from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.offline import reconstruct_capture
+from experiments._launch.command import Run, experiment, provenance
 from experiments._launch.progress import progress_bar
-from experiments.classify import load_classifier, true_class
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
-    """Which captures, and with what."""
+    """Which captures, and with what.
 
-    preset: str
-    seed: int
+    captures: folder that holds capture folders.
+    weights: of a trained classifier; the shipped ones if None.
+    """
+
+    preset: str = "small"
+    seed: int = 0
     captures: Path
-    weights: Path | None
-    pipeline: PipelineConfig
+    weights: Path | None = None
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
 
 
 @experiment(Config)
@@ -41,28 +47,29 @@ def main(config: Config, run: Run) -> None:
             f"captures={config.captures} holds no folder with a capture.json",
             "name the folder above the captures",
         )
-    model, tokens = load_classifier(config.weights)
+    classifier = load_classifier(config.weights)
     table = Table("capture", "truth", "label", "probability", "frames")
     rows, known, labels = [], [], []
     with progress_bar() as bar:
         for folder in bar.track(folders, description="captures"):
             capture = read_capture(folder)
-            clip = reconstruct_capture(capture, config.pipeline, key=jax.random.key(config.seed))
-            last = np.asarray(probabilities_so_far(model, clip.gaussians.columns(), tokens=tokens))[-1]
-            truth, label = true_class(capture, None), CLASSES[int(np.argmax(last))]
-            table.add_row(folder.name, truth or "-", label, f"{last.max():.3f}", f"{len(clip.frames)}/{capture.frames}")
-            probabilities = dict(zip(CLASSES, last.tolist(), strict=True))
+            clip = reconstruct_capture(capture, config.pipeline, classifier, key=jax.random.key(config.seed))
+            assert clip.log_probabilities is not None  # there was a classifier
+            last = clip.log_probabilities[-1]
+            truth, label = capture.true_class(None), CLASSES[int(np.argmax(last))]
+            frames = f"{len(clip.frames)}/{capture.frames}"
+            table.add_row(folder.name, truth or "-", label, f"{np.exp(last.max()):.3f}", frames)
+            probabilities = dict(zip(CLASSES, np.exp(last).tolist(), strict=True))
             rows.append({"capture": folder.name, "truth": truth, "label": label, "probabilities": probabilities})
             if truth is not None:
-                known.append(np.log(np.maximum(last, 1e-12)))
+                known.append(last)
                 labels.append(CLASSES.index(truth))
     figures = label_figures(np.stack(known), np.array(labels)) if known else {}
     console = Console()
     console.print(table)
     if figures:
-        console.print(
-            f"right: {round(figures['accuracy'] * figures['clips'])} of {figures['clips']} with a known class"
-        )
+        right = round(figures["accuracy"] * figures["clips"])
+        console.print(f"right: {right} of {figures['clips']} with a known class")
     write_json(
         run.directory / "metrics.json",
         {"captures": rows, "figures": figures, "classes": CLASSES, **provenance(run.overrides)},

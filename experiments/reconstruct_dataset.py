@@ -2,33 +2,54 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
 
+from aerojax.core.files import write_json
 from aerojax.pipeline.clips import ClipsConfig, make_clips
-from experiments._launch.command import Run, experiment, write_json
+from aerojax.pipeline.config import PipelineConfig
+from experiments._launch.command import Run, experiment
+from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True, kw_only=True)
 class Config(ClipsConfig):
-    """Which data sets (`only` those sequences whose names match a pattern), and where their clips go."""
+    """Which data sets, and where their clips go.
 
-    preset: str
+    only: patterns of sequence names: `only=[sim1_*_r016_*,sim2_*]`.
+    """
+
+    preset: str = "small"
+    seed: int = 0
+    tokens: int = 512
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     datasets: tuple[Path, ...]
-    only: tuple[str, ...]
+    only: tuple[str, ...] = ("*",)
     folder: Path
-    workers: int
+    workers: int = 2
 
 
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Make the clips that are missing and say where they are."""
     plain = ClipsConfig(config.seed, config.tokens, config.pipeline)
-    counts = make_clips(plain, config.datasets, config.folder, only=config.only, workers=config.workers)
-    write_json(run.directory / "metrics.json", {"folder": str(config.folder), "clips": counts})
-    Console().print(f"{config.folder}: {counts}")
+    with progress_bar("clips/s") as bar:
+        task = bar.add_task(f"clips in {config.folder}")
+        made = make_clips(
+            plain,
+            config.datasets,
+            config.folder,
+            only=config.only,
+            workers=config.workers,
+            progress=lambda done, total, what: bar.update(task, completed=done, total=total),
+        )
+    if made.unusable:
+        Console(stderr=True).print(f"{len(made.unusable)} sequences left no clip: never seen whole by enough cameras")
+    results = {"folder": str(config.folder), "clips": made.counts, "unusable": list(made.unusable)}
+    write_json(run.directory / "metrics.json", results)
+    Console().print(f"{config.folder}: {made.counts}")
 
 
 if __name__ == "__main__":

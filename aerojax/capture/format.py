@@ -85,6 +85,12 @@ class Capture:
     cameras: tuple[CaptureCamera, ...]
     truth: Truth | None
 
+    def true_class(self, object_id: int | None) -> str | None:
+        """The class that the truth gives this object, or all objects where it is None, if it gives one."""
+        objects = self.truth.objects if self.truth else ()
+        named = {o.class_name for o in objects if object_id is None or o.object_id == object_id}
+        return named.pop() if len(named) == 1 else None
+
 
 def read_capture(folder: Path) -> Capture:
     """Validate a capture and read everything but its images.

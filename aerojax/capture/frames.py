@@ -15,6 +15,7 @@ from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.lenses import distort_points, undistort_image, undistort_points
 from aerojax.capture.paths import is_video, locate
 from aerojax.core.errors import UserError
+from aerojax.core.types import FrameSet
 
 _LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
 """The 256 values of an 8-bit channel; looking them up is four times as fast as converting and dividing."""
@@ -36,6 +37,25 @@ def source_frame(capture: Capture, camera_index: int, frame: int) -> int | None:
     # Halves go up: round-half-even would take one frame twice and skip the next.
     index = math.floor(frame - capture.cameras[camera_index].time_offset_s * capture.fps + 0.5)
     return index if 0 <= index < capture.frames else None
+
+
+def read_frames(capture: Capture, frame: int, *, rgb: bool = True, ids: bool = True) -> FrameSet:
+    """What all cameras recorded at one frame of the capture's clock; see `read_rgb` and `read_mask`.
+
+    Args:
+        capture, frame: ask for frames in ascending order, because videos are decoded in order.
+        rgb, ids: what to read; the other is None for every camera.
+
+    Raises:
+        UserError: a file is missing, damaged or of another size.
+    """
+    cameras = range(len(capture.cameras))
+    return FrameSet(
+        frame=frame,
+        time_s=frame / capture.fps,
+        rgb=tuple(read_rgb(capture, c, frame) if rgb else None for c in cameras),
+        ids=tuple(read_mask(capture, c, frame) if ids else None for c in cameras),
+    )
 
 
 def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 3"] | None:

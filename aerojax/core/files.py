@@ -53,7 +53,7 @@ def write_json(path: Path, content: Any, *, indent: int | None = 1) -> None:
     try:
         text = json_text(content, indent=indent)
     except ValueError:
-        raise UserError("invalid", f"{path}: a number to write is NaN or infinite", "check what it is made of") from None
+        raise UserError("invalid", f"{path}: a number to write is NaN or infinite", "check its source") from None
     write_text(path, text)
 
 

@@ -1,8 +1,8 @@
 """Values that cross a stage border, in the order in which a frame meets them.
 
-FrameSet → Silhouette → Track → Observation (with its View) → Gaussians. What JAX computes with (Camera, View, Gaussians)
-is a frozen dataclass and a pytree: batches are made by `jax.vmap` or by a leading axis on every array, and the shapes
-below are those of one example. The others are host values.
+FrameSet → Silhouette → Track → Observation (with its View) → Gaussians. What JAX computes with (Camera, View,
+Gaussians) is a frozen dataclass and a pytree: batches are made by `jax.vmap` or by a leading axis on every array, and
+the shapes below are those of one example. The others are host values.
 """
 
 from __future__ import annotations

@@ -1,171 +1,122 @@
-"""Stage 4: a capture in, a label out.
-
-Reconstruction runs in the rig's frame: the first camera's axes and centre. Grids, seeds and farthest points are then
-the same numbers however the world is placed, and only the finished Gaussians are moved to the world.
-"""
+"""A whole capture: the fold of the frame step, put together as clips."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Key
+from jaxtyping import Array, Bool, Float, Float32, Float64, Key
 
 from aerojax.capture.format import Capture
-from aerojax.capture.frames import read_mask, read_rgb
-from aerojax.classify.released.normalisation import normalise_published
-from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.capture.frames import read_frames
+from aerojax.classify.base import Classifier
 from aerojax.core.errors import UserError
-from aerojax.core.types import Camera, Gaussians, View
-from aerojax.gaussians.decimate import DecimationConfig, decimate
+from aerojax.core.types import FrameSet, Gaussians, Observation
 from aerojax.gaussians.rotate import transform
-from aerojax.geometry.boxes import Box, tight_box, touches_border
-from aerojax.geometry.triangulation import intersect_rays
-from aerojax.reconstruct.crop import crop_cameras, crop_image
-from aerojax.reconstruct.hull import HullConfig, visual_hull
-from aerojax.segment.given import choose_object
-from aerojax.segment.motion import background, motion_mask
+from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.events import Dropped, Updated
+from aerojax.pipeline.source import capture_frames, capture_preview
+from aerojax.pipeline.step import Pipeline, make_pipeline
+from aerojax.pipeline.stream import stream
 
 Progress = Callable[[int, int, str], None]
 """Called with (done, total, what) as frames pass."""
 
 
-@dataclass(frozen=True)
-class PipelineConfig:
-    """From images to tokens.
-
-    crop_size: side of the virtual-camera crops, pixels.
-    min_views: cameras that must see the whole object; a frame with fewer is dropped.
-    hull: the reconstructor.
-    decimation: from the reconstructor's Gaussians to the classifier's tokens.
-    """
-
-    crop_size: int = 128
-    min_views: int = 3
-    hull: HullConfig = field(default_factory=HullConfig)
-    decimation: DecimationConfig = field(default_factory=DecimationConfig)
-
-
-@dataclass(frozen=True)
-class FrameImages:
-    """What the cameras of one frame saw of the object: crops for the reconstructor, and the boxes for people."""
-
-    frame: int
-    views: View
-    valid: Bool[np.ndarray, "view"]
-    boxes: tuple[Box | None, ...]
-    rig_from_crop: Float[np.ndarray, "4 4"]
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Clip:
-    """The object in every usable frame.
+    """One object of a capture in every usable frame.
 
-    gaussians: world frame, metres, leading axis time.
-    frames: indices in the capture.
-    position: triangulated centres, metres, world.
-    dropped: unusable frames and why.
+    gaussians: rig frame, metres, leading axis time. world_from_rig: rigid transform to the world.
+    frames: numbers in the capture.
+    position: centres, metres, world.
+    log_probabilities: of the classes after each frame; None without a classifier.
+    dropped: frames that could not be used, and why.
     latency_ms: median milliseconds a frame, per stage.
-    images: per frame, what was seen (kept only on request).
+    observations: what was seen in each frame (kept only on request).
     """
 
     gaussians: Gaussians
+    world_from_rig: Float64[np.ndarray, "4 4"]
     frames: tuple[int, ...]
-    position: Float[np.ndarray, "time 3"]
-    dropped: dict[int, str]
+    position: Float64[np.ndarray, "time 3"]
+    log_probabilities: Float32[np.ndarray, "time label"] | None
+    dropped: tuple[Dropped, ...]
     latency_ms: dict[str, float]
-    images: tuple[FrameImages, ...] = ()
+    observations: tuple[Observation, ...] = ()
 
-
-class Stopwatch:
-    """Wall-clock milliseconds by stage name."""
-
-    def __init__(self) -> None:
-        self.spent: dict[str, list[float]] = {}
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the time of the block to `name`."""
-        start = time.perf_counter()
-        yield
-        self.spent.setdefault(name, []).append(1e3 * (time.perf_counter() - start))
-
-    def medians(self) -> dict[str, float]:
-        """The median of each stage; robust against the first call, which compiles."""
-        return {name: float(np.median(times)) for name, times in self.spent.items()}
+    def in_world(self) -> Gaussians:
+        """The Gaussians in the world's frame, metres; 32-bit floats lose digits far from its origin."""
+        return transform(self.gaussians, jnp.asarray(self.world_from_rig, jnp.float32))
 
 
 def reconstruct_capture(
     capture: Capture,
     config: PipelineConfig,
+    classifier: Classifier | None = None,
     *,
     key: Key[Array, ""],
     object_id: int | None = None,
     progress: Progress | None = None,
-    keep_images: bool = False,
+    keep_observations: bool = False,
 ) -> Clip:
-    """Reconstruct the object in every frame of a capture.
+    """Reconstruct the object in every frame of a capture, and classify it if there is a classifier.
+
+    Of several objects that the tracker finds, the one with most frames.
 
     Args:
         capture: at least three calibrated cameras.
-        config: sizes of each stage.
+        config: members and sizes.
+        classifier: from `load_classifier`. One that is not causal is asked once, when all frames are known.
         key: seeds the decimation, frame by frame.
         object_id: instance to follow; the largest one if None. Ignored where the capture has no masks.
         progress: called after each frame.
-        keep_images: keep crops and boxes in the clip, for a report.
+        keep_observations: keep crops and boxes in the clip, for a report.
 
     Raises:
-        UserError: if no frame has enough views.
+        UserError: no frame has enough views, or the configuration contradicts the classifier's card.
     """
-    watch = Stopwatch()
-    source = _MaskSource(capture, object_id)
-    kept: list[tuple[Gaussians, FrameImages, np.ndarray]] = []
-    dropped: dict[int, str] = {}
-    for frame in range(capture.frames):
-        seen = _see(capture, source, frame, config, watch)
-        if isinstance(seen, str):
-            dropped[frame] = seen
-        else:
-            tokens, count = _reconstruct(seen, config, jax.random.fold_in(key, frame), watch)
-            if count == 0:
-                dropped[frame] = (
-                    "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
+    pipeline = make_pipeline(capture.cameras, config, classifier, key=key, object_id=object_id)
+    updates: dict[int, list[Updated]] = {}
+    dropped: list[Dropped] = []
+    source = _read(capture, pipeline, progress)
+    for events, _ in stream(pipeline, source, pipeline.initial(capture_preview(capture))):
+        for event in events:
+            if isinstance(event, Updated):
+                updates.setdefault(event.track, []).append(
+                    event if keep_observations else replace(event, observation=None)
                 )
-            else:
-                world_from_crop = capture.cameras[0].world_from_cam @ seen.rig_from_crop
-                placed = transform(tokens, jnp.asarray(world_from_crop, jnp.float32))
-                kept.append((placed, seen, world_from_crop[:3, 3]))
-        if progress is not None:
-            progress(frame + 1, capture.frames, "reconstruct")
-    if not kept:
-        reasons = "; ".join(sorted(set(dropped.values())))
+            elif isinstance(event, Dropped):
+                dropped.append(event)
+    if not updates:
+        reasons = "; ".join(sorted({event.text for event in dropped}))
         raise UserError(
             "no-usable-frames",
             f"{capture.folder}: none of the {capture.frames} frames could be used ({reasons})",
             "give frames in which more cameras see the whole object",
         )
-    gaussians = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(k[0] for k in kept))
+    kept = max(updates.values(), key=len)
+    gaussians = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.gaussians for event in kept))
     return Clip(
         gaussians=gaussians,
-        frames=tuple(k[1].frame for k in kept),
-        position=np.stack([k[2] for k in kept]),
-        dropped=dropped,
-        latency_ms=watch.medians(),
-        images=tuple(k[1] for k in kept) if keep_images else (),
+        world_from_rig=pipeline.world_from_rig,
+        frames=tuple(event.frame for event in kept),
+        position=np.stack([event.position for event in kept]),
+        log_probabilities=_log_probabilities(pipeline, kept, gaussians),
+        dropped=tuple(event for event in dropped if event.track in (None, kept[0].track)),
+        latency_ms=pipeline.watch.medians(),
+        observations=tuple(event.observation for event in kept if event.observation is not None),
     )
 
 
-def frame_images(capture: Capture, frame: int, config: PipelineConfig, *, object_id: int | None = None) -> FrameImages:
+def observe_frame(capture: Capture, frame: int, config: PipelineConfig, *, object_id: int | None = None) -> Observation:
     """What the cameras of one frame saw of the object, as `reconstruct_capture` cuts it out.
 
     Raises:
-        UserError: if there is no such frame, or fewer than `config.min_views` cameras see the whole object in it.
+        UserError: there is no such frame, or fewer than `config.min_views` cameras see the whole object in it.
     """
     if not 0 <= frame < capture.frames:
         raise UserError(
@@ -173,179 +124,36 @@ def frame_images(capture: Capture, frame: int, config: PipelineConfig, *, object
             f"frame={frame}: {capture.folder} has frames 0 to {capture.frames - 1}",
             "choose one of them",
         )
-    seen = _see(capture, _MaskSource(capture, object_id), frame, config, Stopwatch())
-    if isinstance(seen, str):
-        raise UserError("invalid", f"{capture.folder}: frame {frame}: {seen}", "choose another frame")
+    pipeline = make_pipeline(capture.cameras, config, key=jax.random.key(0), object_id=object_id)
+    state = pipeline.initial(capture_preview(capture))
+    frames = read_frames(capture, frame)
+    silhouettes, _ = pipeline.segmenter.step(frames, state.segment)
+    tracks, _ = pipeline.tracker.step(frames, silhouettes, state.track)
+    seen = pipeline.observe(frames, tracks[0]) if tracks else pipeline.too_few_views(frames, None, 0)
+    if isinstance(seen, Dropped):
+        raise UserError("no-usable-frames", f"{capture.folder}: frame {frame}: {seen.text}", "choose another frame")
     return seen
 
 
-class _MaskSource:
-    """Masks of one object: the capture's own where it has them, else motion against a static background."""
-
-    def __init__(self, capture: Capture, object_id: int | None):
-        self._capture = capture
-        self._still: dict[int, np.ndarray] = {}
-        self._object = None
-        if any(camera.mask for camera in capture.cameras):
-            self._object = choose_object(capture_masks(capture), object_id)
-
-    def mask(self, camera: int, frame: int, image: np.ndarray) -> np.ndarray | None:
-        """Coverage 0..1 of the object in one image."""
-        if self._capture.cameras[camera].mask is not None:
-            ids = read_mask(self._capture, camera, frame)
-            return None if ids is None else (ids == self._object).astype(np.float32)
-        if camera not in self._still:
-            every = np.unique(np.linspace(0, self._capture.frames - 1, 15).astype(int))
-            images = [read_rgb(self._capture, camera, int(f)) for f in every]
-            self._still[camera] = background([i for i in images if i is not None])
-        return motion_mask(image, self._still[camera]).astype(np.float32)
+def _read(capture: Capture, pipeline: Pipeline, progress: Progress | None) -> Iterator[FrameSet]:
+    """Frames with the time that it takes to read them; progress is called when one has been used."""
+    source = capture_frames(capture)
+    for done in range(capture.frames):
+        with pipeline.watch.stage("read"):
+            frames = next(source)
+        yield frames
+        if progress is not None:
+            progress(done + 1, capture.frames, "reconstruct")
 
 
-def capture_masks(capture: Capture) -> Iterator[np.ndarray]:
-    """Masks of all cameras, a few frames spread over the capture."""
-    for frame in np.unique(np.linspace(0, capture.frames - 1, 5).astype(int)):
-        for index in range(len(capture.cameras)):
-            mask = read_mask(capture, index, int(frame))
-            if mask is not None:
-                yield mask
+@jax.jit
+def _clip(classifier: Classifier, gaussians: Gaussians, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+    return classifier.clip(gaussians, valid)
 
 
-def _see(
-    capture: Capture, source: _MaskSource, frame: int, config: PipelineConfig, watch: Stopwatch
-) -> FrameImages | str:
-    """Read one frame and cut out the object; a sentence instead where too few cameras see it whole."""
-    images: list[tuple[np.ndarray, np.ndarray] | None] = []
-    boxes: list[Box | None] = []
-    with watch.stage("read"):
-        for index, camera in enumerate(capture.cameras):
-            image = read_rgb(capture, index, frame)
-            mask = None if image is None else source.mask(index, frame, image)
-            box = None if mask is None else tight_box(mask > 0.5, min_pixels=4)
-            whole = box is not None and not touches_border(box, camera.width, camera.height)
-            boxes.append(box)
-            images.append((image, mask) if whole and image is not None and mask is not None else None)
-    valid = np.array([i is not None for i in images])
-    if valid.sum() < config.min_views:
-        return f"{valid.sum()} of {len(valid)} cameras see the whole object, {config.min_views} are needed"
-    with watch.stage("crop"):
-        views, rig_from_crop = _crop(capture, images, boxes, config.crop_size)
-    return FrameImages(frame, views, valid, tuple(boxes), rig_from_crop)
-
-
-def _crop(
-    capture: Capture, images: list[tuple[np.ndarray, np.ndarray] | None], boxes: list[Box | None], size: int
-) -> tuple[View, np.ndarray]:
-    """Crops in a frame with the rig's axes and the object at its origin."""
-    valid = np.array([i is not None for i in images])
-    rig_from_world = np.linalg.inv(capture.cameras[0].world_from_cam)
-    poses = np.stack([rig_from_world @ c.world_from_cam for c in capture.cameras])
-    fallback = next(b for b, ok in zip(boxes, valid, strict=True) if ok)
-    box = np.array([b if b is not None and ok else fallback for b, ok in zip(boxes, valid, strict=True)], np.float64)
-    crops = crop_cameras(np.stack([c.K for c in capture.cameras]), poses, box, size=size)
-    with jax.enable_x64(True):
-        weights = jnp.asarray(valid, jnp.float64)
-        centre = np.asarray(intersect_rays(jnp.asarray(poses[:, :3, 3]), jnp.asarray(crops.ray), weights))
-    local = np.array(crops.camera.world_from_cam)
-    local[:, :3, 3] -= centre
-    homographies = np.asarray(crops.crop_from_image)
-    rgb = np.zeros((len(images), size, size, 3), np.float32)
-    mask = np.zeros((len(images), size, size), np.float32)
-    for index, pair in enumerate(images):
-        if pair is not None:
-            rgb[index] = crop_image(pair[0], homographies[index], size=size)
-            mask[index] = crop_image(pair[1], homographies[index], size=size)
-    camera = Camera(jnp.asarray(crops.camera.K, jnp.float32), jnp.asarray(local, jnp.float32), size, size)
-    rig_from_crop = np.eye(4)
-    rig_from_crop[:3, 3] = centre
-    return View(jnp.asarray(rgb), jnp.asarray(mask), camera), rig_from_crop
-
-
-def _reconstruct(
-    seen: FrameImages, config: PipelineConfig, key: Key[Array, ""], watch: Stopwatch
-) -> tuple[Gaussians, int]:
-    with watch.stage("reconstruct"):
-        gaussians, count = jax.block_until_ready(_hull(seen.views, jnp.asarray(seen.valid), config.hull))
-    if int(count) == 0:
-        return gaussians, 0
-    with watch.stage("decimate"):
-        tokens = jax.block_until_ready(_decimate(gaussians, count, key, config.decimation))
-    return tokens, int(count)
-
-
-@partial(jax.jit, static_argnames="config")
-def _hull(views: View, valid: Array, config: HullConfig) -> tuple[Gaussians, Array]:
-    gaussians, count, _ = visual_hull(views, valid, config=config)
-    return gaussians, count
-
-
-@partial(jax.jit, static_argnames="config")
-def _decimate(gaussians: Gaussians, count: Array, key: Array, config: DecimationConfig) -> Gaussians:
-    return decimate(gaussians, count=count, key=key, config=config)
-
-
-@partial(jax.jit, static_argnames=("tokens", "readings"))
-def probabilities_so_far(
-    model: MambaSplat,
-    columns: Float[Array, "time token 14"],
-    present: Bool[Array, "time"] | None = None,
-    *,
-    tokens: int,
-    readings: int = 4,
-) -> Float[Array, "time label"]:
-    """Class probabilities after each frame of a clip; the last row is the answer.
-
-    Frames are described once and every prefix is read out; only the clip's scale is known from all frames at once.
-
-    Args:
-        model: either variant; the published one's frames are normalised here, whole, as its authors' are.
-        columns: attributes of decimated Gaussians, metres, world frame, in random order within a frame.
-        present: frames that are real; all if None.
-        tokens: how many of each frame's Gaussians one reading sees, as in training.
-        readings: disjoint groups of tokens whose probabilities are averaged, as far as there are enough tokens.
-    """
-    time = jnp.arange(columns.shape[0])
-
-    def read(features: Float[Array, "time width"], valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
-        prefixes = valid & (time[None, :] <= time[:, None])
-        return jax.nn.softmax(jax.vmap(lambda mask: model.head(model.embed(features, mask)))(prefixes))
-
-    return _mean_of_readings(model, columns, present, tokens, readings, read)
-
-
-@partial(jax.jit, static_argnames=("tokens", "readings"))
-def clip_probabilities(
-    model: MambaSplat,
-    columns: Float[Array, "time token 14"],
-    present: Bool[Array, "time"] | None = None,
-    *,
-    tokens: int,
-    readings: int = 4,
-) -> Float[Array, "label"]:
-    """The last row of `probabilities_so_far` without the work for the others."""
-
-    def read(features: Float[Array, "time width"], valid: Bool[Array, "time"]) -> Float[Array, "label"]:
-        return jax.nn.softmax(model.head(model.embed(features, valid)))
-
-    return _mean_of_readings(model, columns, present, tokens, readings, read)
-
-
-def _mean_of_readings(
-    model: MambaSplat,
-    columns: Float[Array, "time token 14"],
-    present: Bool[Array, "time"] | None,
-    tokens: int,
-    readings: int,
-    read: Callable[[Array, Array], Array],
-) -> Array:
-    """Mean of `read(features, valid)` over disjoint groups of every frame's tokens."""
-    groups = max(1, min(readings, columns.shape[1] // tokens))
-    size = min(tokens, columns.shape[1])
-    real = jnp.ones(columns.shape[0], bool) if present is None else present
-    if model.config.variant == "published":
-        columns = jax.vmap(normalise_published)(columns)
-
-    def one(group: Float[Array, "time some 14"]) -> Array:
-        return read(*model.frame_features(group, jnp.broadcast_to(real[:, None], group.shape[:2])))
-
-    split = columns[:, : groups * size].reshape(columns.shape[0], groups, size, 14)
-    return jnp.mean(jax.vmap(one, in_axes=1)(split), axis=0)
+def _log_probabilities(pipeline: Pipeline, kept: list[Updated], gaussians: Gaussians) -> np.ndarray | None:
+    if pipeline.classifier is None:
+        return None
+    if pipeline.classifier.causal:
+        return np.stack([event.log_probabilities for event in kept if event.log_probabilities is not None])
+    return np.asarray(_clip(pipeline.classifier, gaussians, jnp.ones(len(kept), bool)))

@@ -12,20 +12,22 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import partial
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from aerojax.core.errors import UserError
-from aerojax.core.types import SH_C0, Camera, Gaussians, View
+from aerojax.core.types import SH_C0, Camera, Gaussians, View, pytree_dataclass, static_field
 from aerojax.geometry.cameras import points_in_camera
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
+from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.silhouette import bilinear, signed_distance
 
 
 @dataclass(frozen=True)
-class HullConfig:
+class HullConfig(ReconstructorConfig):
     """Resolution of the hull.
 
     grid: cells along each side of the cube about the object.
@@ -36,11 +38,27 @@ class HullConfig:
     opacity: of every Gaussian.
     """
 
+    name: Literal["hull"] = "hull"
     grid: int = 64
     capacity: int = 4096
     extent: float = 1.1
     dilation: float = 0.35
     opacity: float = 0.95
+
+    def build(self) -> Hull:
+        """The member."""
+        return Hull(self)
+
+
+@pytree_dataclass
+class Hull:
+    """The member of the door: `visual_hull` without the cell size. A pytree without leaves."""
+
+    config: HullConfig = static_field()
+
+    def __call__(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, Int[Array, ""]]:
+        """See `Reconstructor`."""
+        return visual_hull(views, valid, config=self.config)[:2]
 
 
 def visual_hull(

@@ -2,9 +2,99 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
 import cv2
 import numpy as np
-from jaxtyping import Float, Integer
+from jaxtyping import Float, Float32, Integer
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.core.types import FrameSet, Silhouette
+from aerojax.segment.base import Preview, SegmenterConfig
+from aerojax.segment.silhouettes import silhouette_of
+
+PREVIEWED = 15
+"""Images whose median is the background."""
+FEWEST_IMAGES = 5
+"""Images without which there is no background: the object may stand in most of fewer."""
+
+
+@dataclass(frozen=True)
+class MotionConfig(SegmenterConfig):
+    """The largest thing that moves in each image; masks of the capture are not looked at.
+
+    threshold: least difference from the background of any sRGB channel.
+    """
+
+    name: Literal["motion"] = "motion"
+    threshold: float = 0.03
+
+    def build(self, object_id: int | None) -> MotionSegmenter:
+        """The member; it finds one object, whatever its id."""
+        return MotionSegmenter(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """What one camera sees where nothing moves: the median of images, kept 8-bit so that memory stays small.
+
+    images: at most `PREVIEWED`, spread evenly over what was seen. period: every so many frames one was kept; seen:
+    frames so far. still: their median, None before there are `FEWEST_IMAGES`. fixed: from a preview, never renewed.
+    """
+
+    images: tuple[Integer[np.ndarray, "height width 3"], ...] = ()
+    period: int = 1
+    seen: int = 0
+    still: Float32[np.ndarray, "height width 3"] | None = None
+    fixed: bool = False
+
+    def after(self, image: Float32[np.ndarray, "height width 3"]) -> Background:
+        """The background after one more image: one in `period` is kept, and the period doubles when all are full."""
+        if self.fixed or self.seen % self.period:
+            return self if self.fixed else replace(self, seen=self.seen + 1)
+        images, period = (*self.images, _bytes(image)), self.period
+        if len(images) > PREVIEWED:
+            images, period = images[::2], 2 * period
+        still = _median(images) if len(images) >= FEWEST_IMAGES else None
+        return Background(images, period, self.seen + 1, still)
+
+
+def _bytes(image: Float32[np.ndarray, "height width 3"]) -> Integer[np.ndarray, "height width 3"]:
+    return np.round(255 * image).astype(np.uint8)
+
+
+def _median(images: Sequence[Integer[np.ndarray, "height width 3"]]) -> Float32[np.ndarray, "height width 3"]:
+    return background([image.astype(np.float32) / 255 for image in images])
+
+
+@dataclass(frozen=True)
+class MotionSegmenter:
+    """Differences from each camera's background; the state is one `Background` a camera."""
+
+    config: MotionConfig
+
+    def initial(self, cameras: Sequence[CaptureCamera], preview: Preview | None = None) -> tuple[Background, ...]:
+        """Backgrounds from the preview; without one they form as frames pass."""
+        if preview is None:
+            return (Background(),) * len(cameras)
+        seen: list[list[np.ndarray]] = [[] for _ in cameras]
+        for frames in preview(PREVIEWED, rgb=True, ids=False):
+            for images, image in zip(seen, frames.rgb, strict=True):
+                if image is not None:
+                    images.append(_bytes(image))
+        return tuple(Background(still=_median(i), fixed=True) if i else Background() for i in seen)
+
+    def step(self, frames: FrameSet, state: tuple[Background, ...]) -> tuple[list[Silhouette], tuple[Background, ...]]:
+        """One silhouette a camera at most; none before a camera has a background."""
+        state = tuple(b if image is None else b.after(image) for b, image in zip(state, frames.rgb, strict=True))
+        found = []
+        for camera, (image, known) in enumerate(zip(frames.rgb, state, strict=True)):
+            if image is not None and known.still is not None:
+                mask = motion_mask(image, known.still, threshold=self.config.threshold)
+                found.append(silhouette_of(camera, 1, mask.astype(np.float32)))
+        return [one for one in found if one is not None], state
 
 
 def background(frames: list[Float[np.ndarray, "height width 3"]]) -> Float[np.ndarray, "height width 3"]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -14,16 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from aerojax.capture.format import Capture, read_capture, rotate_world, write_capture_json
 from aerojax.capture.paths import frame_path
-from aerojax.classify.mambasplat.config import MambaSplatConfig
-from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.classify.weights import load_weights
+from aerojax.classify.base import Classifier, with_card
+from aerojax.classify.load import load_classifier
+from aerojax.core.types import Gaussians
 from aerojax.gaussians.decimate import DecimationConfig
 from aerojax.gaussians.rotate import covariance, rotate
-from aerojax.pipeline.offline import Clip, PipelineConfig, probabilities_so_far, reconstruct_capture
+from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.simulate.assets.catalogue import identities
 from aerojax.simulate.plan.single import SequenceConfig, simulate_sequence
 from aerojax.simulate.world.rigs import RigConfig
-from experiments.classify import PRETRAINED
 
 FRAMES, TOKENS = 6, 128
 CONFIG = PipelineConfig(decimation=DecimationConfig(draw=8192, farthest=300, keep=256))
@@ -31,20 +31,10 @@ RIG = RigConfig(cameras=4, width=400, height=300, span_px=(80.0, 90.0), distance
 TURNS = Rotation.random(2, random_state=7).as_matrix()
 
 
-@dataclass(frozen=True)
-class Answer:
-    """What a capture gave."""
-
-    clip: Clip
-    probabilities: np.ndarray
-
-
 @pytest.fixture(scope="module")
-def model() -> MambaSplat:
-    """The shipped classifier, or an untrained one where there is none: the law holds for any weights."""
-    if PRETRAINED.is_file():
-        return load_weights(PRETRAINED)
-    return MambaSplat(MambaSplatConfig(d_model=32, depth=2, mamba_layers=2), key=jax.random.key(0))
+def classifier() -> Classifier:
+    """The shipped classifier, whose card is not asked about the smaller decimation of this test."""
+    return with_card(load_classifier(), settings=())
 
 
 def shortened(capture: Capture) -> Capture:
@@ -68,22 +58,21 @@ def copy_rotated(capture: Capture, turn: np.ndarray, folder: Path) -> Capture:
     return read_capture(folder)
 
 
-def answer(capture: Capture, model: MambaSplat) -> Answer:
-    clip = reconstruct_capture(capture, CONFIG, key=jax.random.key(0))
-    return Answer(clip, np.asarray(probabilities_so_far(model, clip.gaussians.columns(), tokens=TOKENS)))
+def answer(capture: Capture, classifier: Classifier) -> Clip:
+    return reconstruct_capture(capture, CONFIG, classifier, key=jax.random.key(0))
 
 
-def check(capture: Capture, model: MambaSplat, folder: Path) -> None:
-    straight = answer(capture, model)
-    assert len(straight.clip.frames) == capture.frames
+def check(capture: Capture, classifier: Classifier, folder: Path) -> None:
+    straight = answer(capture, classifier)
+    assert len(straight.frames) == capture.frames
     for index, turn in enumerate(TURNS):
-        turned = answer(copy_rotated(capture, turn, folder / f"turn_{index}"), model)
-        change = np.abs(turned.probabilities - straight.probabilities).max()
+        turned = answer(copy_rotated(capture, turn, folder / f"turn_{index}"), classifier)
+        change = np.abs(np.exp(turned.log_probabilities) - np.exp(straight.log_probabilities)).max()
         print(f"{capture.folder.name}, turn {index}: probabilities change by {change:.2e} at most")
         assert change < 1e-3
-        expected = rotate(straight.clip.gaussians, jnp.asarray(turn, jnp.float32))
-        found = turned.clip.gaussians
-        np.testing.assert_allclose(turned.clip.position, straight.clip.position @ turn.T, atol=1e-8)
+        expected = rotate(straight.in_world(), jnp.asarray(turn, jnp.float32))
+        found = turned.in_world()
+        np.testing.assert_allclose(turned.position, straight.position @ turn.T, atol=1e-8)
         # Relative to where the object is and to the largest Gaussian.
         away = float(jnp.linalg.norm(expected.mean, axis=-1).max())
         np.testing.assert_allclose(found.mean, expected.mean, atol=1e-4 * away)
@@ -92,21 +81,21 @@ def check(capture: Capture, model: MambaSplat, folder: Path) -> None:
         np.testing.assert_allclose(found.sh, expected.sh, atol=1e-3)
 
 
-def test_simulated_sample(model, tmp_path):
+def test_simulated_sample(classifier, tmp_path):
     identity = identities("test", 1)[1]
     config = SequenceConfig(rigs=(RIG,), frames=FRAMES, samples=2, max_travel=0.5, depth=False)
     capture = simulate_sequence(identity, config, seed=2, folder=tmp_path / "sample", assets=tmp_path / "assets")
-    check(capture, model, tmp_path)
+    check(capture, classifier, tmp_path)
 
 
-def test_reference_capture(shared, model, tmp_path):
+def test_reference_capture(shared, classifier, tmp_path):
     folder = shared / "data/captures/bird_animalia_cardinal"
     if not folder.is_dir():
         pytest.skip(f"no capture at {folder}")
-    check(shortened(read_capture(folder)), model, tmp_path)
+    check(shortened(read_capture(folder)), classifier, tmp_path)
 
 
-def test_the_check_can_fail(model):
+def test_the_check_can_fail(classifier):
     """Untied from the rig, the columns of a clip turned without its quaternions change the answer."""
     rng = np.random.default_rng(0)
     columns = rng.normal(size=(3, TOKENS, 14)).astype(np.float32)
@@ -114,5 +103,6 @@ def test_the_check_can_fail(model):
     columns[..., 10] = 0.9
     broken = columns.copy()
     broken[..., :3] = columns[..., :3] @ TURNS[0].T.astype(np.float32)
-    here, there = (probabilities_so_far(model, jnp.asarray(c), tokens=TOKENS) for c in (columns, broken))
-    assert float(jnp.abs(here - there).max()) > 1e-5
+    real = jnp.ones(3, bool)
+    here, there = (classifier.clip(Gaussians.from_columns(jnp.asarray(c)), real) for c in (columns, broken))
+    assert float(jnp.abs(jnp.exp(here) - jnp.exp(there)).max()) > 1e-5

@@ -11,13 +11,12 @@ import pytest
 from support.command_line import run_command
 
 from aerojax.capture.format import read_capture
-from aerojax.classify.weights import load_metadata, load_weights
-from aerojax.core.config import to_dataclass
+from aerojax.classify.load import load_classifier
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import confusion_matrix
-from aerojax.pipeline.offline import PipelineConfig, probabilities_so_far, reconstruct_capture
+from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.offline import reconstruct_capture
 from experiments import classify
-from experiments.classify import PRETRAINED
 
 FRAMES = 12  # of 24: half the time, and about the length that training saw
 NEEDED = 6  # of 8 captures
@@ -25,8 +24,6 @@ NEEDED = 6  # of 8 captures
 
 @pytest.fixture
 def captures(shared):
-    if not PRETRAINED.is_file():
-        pytest.skip(f"no shipped weights at {PRETRAINED}")
     folders = sorted(p.parent for p in (shared / "data/captures").glob("*/capture.json"))
     if not folders:
         pytest.skip(f"no captures in {shared / 'data/captures'}")
@@ -35,13 +32,12 @@ def captures(shared):
 
 @pytest.mark.slow
 def test_most_reference_captures_are_told_right(captures, tmp_path):
-    model, notes = load_weights(PRETRAINED), load_metadata(PRETRAINED)
-    config = to_dataclass(json.loads(notes["pipeline"]), PipelineConfig, source=str(PRETRAINED))
-    tokens = json.loads(notes["reading"])["tokens"]
+    classifier = load_classifier()
     truths, guesses, rows = [], [], {}
     for capture in captures:
-        clip = reconstruct_capture(replace(capture, frames=FRAMES), config, key=jax.random.key(0))
-        answer = np.asarray(probabilities_so_far(model, clip.gaussians.columns(), tokens=tokens))[-1]
+        shorter = replace(capture, frames=FRAMES)
+        clip = reconstruct_capture(shorter, PipelineConfig(), classifier, key=jax.random.key(0))
+        answer = np.exp(clip.log_probabilities[-1])
         assert answer.sum() == pytest.approx(1.0, abs=1e-5)
         truths.append(CLASSES.index(capture.truth.objects[0].class_name))
         guesses.append(int(np.argmax(answer)))

@@ -1,38 +1,54 @@
-"""From a classified clip to what the report page shows."""
+"""From a classified capture to what the report page shows."""
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from aerojax.capture.format import Capture
-from aerojax.core.types import CLASSES, SH_C0
-from aerojax.pipeline.offline import Clip, FrameImages
-from aerojax.reconstruct.crop import MARGIN
+import numpy as np
+from jaxtyping import Float
+
+from aerojax.capture.format import Capture, CaptureCamera
+from aerojax.core.types import CLASSES, SH_C0, Gaussians, Observation
 from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport
 
 SHOWN_POINTS = 1024
 """Points of a frame's cloud that the page draws; enough for a shape, few enough for a small file."""
 
 
-def classification_report(
-    capture: Capture, clip: Clip, so_far: np.ndarray, latency_ms: dict[str, float], truth: str | None
-) -> ClassificationReport:
-    """Gather frames, clouds and figures.
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What a classifier said of one object of a capture.
 
-    Args:
-        capture: where the clip comes from.
-        clip: reconstructed with its images kept.
-        so_far: probabilities after each frame (time, class).
-        latency_ms: milliseconds a frame, per stage.
-        truth: the true class where it is known.
+    observations: what was seen in each frame that was used.
+    gaussians: of these frames, world, metres, leading axis time.
+    position: their centres, metres, world.
+    so_far: probabilities after each frame.
+    dropped: sentences by the number of each frame that could not be used.
+    latency_ms: milliseconds a frame, per stage.
+    truth: the true class where it is known.
     """
-    probabilities = dict(zip(CLASSES, so_far[-1].tolist(), strict=True))
-    means = np.asarray(clip.gaussians.mean, np.float32)[:, :SHOWN_POINTS]
-    rgb = np.asarray(clip.gaussians.sh)[:, :SHOWN_POINTS, 0] * SH_C0 + 0.5
+
+    observations: Sequence[Observation]
+    gaussians: Gaussians
+    position: Float[np.ndarray, "time 3"]
+    so_far: Float[np.ndarray, "time label"]
+    dropped: Mapping[int, str]
+    latency_ms: dict[str, float]
+    truth: str | None
+
+
+def classification_report(capture: Capture, answer: Answer) -> ClassificationReport:
+    """Gather frames, clouds and figures of the page."""
+    probabilities = dict(zip(CLASSES, answer.so_far[-1].tolist(), strict=True))
+    means = np.asarray(answer.gaussians.mean, np.float32)[:, :SHOWN_POINTS]
+    rgb = np.asarray(answer.gaussians.sh)[:, :SHOWN_POINTS, 0] * SH_C0 + 0.5
     colours = np.round(255 * np.clip(rgb, 0, 1)).astype(np.uint8)
     frames = tuple(
-        FrameReport(images.frame, _crops(capture, images), means[i], colours[i], so_far[i], clip.position[i])
-        for i, images in enumerate(clip.images)
+        FrameReport(
+            seen.frame, _crops(capture.cameras, seen), means[i], colours[i], answer.so_far[i], answer.position[i]
+        )
+        for i, seen in enumerate(answer.observations)
     )
     notes = ["Clouds are the visual hull of the masks; colours come from the views that see a point."]
     if any(camera.mask is None for camera in capture.cameras):
@@ -41,23 +57,22 @@ def classification_report(
         title=capture.folder.name,
         label=max(probabilities, key=lambda name: probabilities[name]),
         probabilities=probabilities,
-        truth=truth,
+        truth=answer.truth,
         frames=frames,
-        dropped=clip.dropped,
-        latency_ms=latency_ms,
+        dropped=dict(answer.dropped),
+        latency_ms=answer.latency_ms,
         notes=tuple(notes),
     )
 
 
-def _crops(capture: Capture, images: FrameImages) -> tuple[CameraCrop, ...]:
+def _crops(cameras: Sequence[CaptureCamera], seen: Observation) -> tuple[CameraCrop, ...]:
+    rgb, mask = np.asarray(seen.views.rgb), np.asarray(seen.views.mask)
     crops = []
-    rgb, mask = np.asarray(images.views.rgb), np.asarray(images.views.mask)
-    for index, camera in enumerate(capture.cameras):
-        box = images.boxes[index]
-        if images.valid[index] and box is not None:
-            half = 0.5 * MARGIN * max(box[2] - box[0], box[3] - box[1])
-            x, y = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
-            window = (x - half, y - half, x + half, y + half)
+    for index, camera in enumerate(cameras):
+        if seen.valid[index]:
+            corners = seen.windows[index]
+            x0, y0, x1, y1 = *corners.min(axis=0).tolist(), *corners.max(axis=0).tolist()
             pixels = np.round(255 * rgb[index]).astype(np.uint8)
-            crops.append(CameraCrop(camera.name, pixels, mask[index] > 0.5, window, (camera.width, camera.height)))
+            size = camera.width, camera.height
+            crops.append(CameraCrop(camera.name, pixels, mask[index] > 0.5, (x0, y0, x1, y1), size))
     return tuple(crops)

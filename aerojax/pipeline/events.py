@@ -1,0 +1,65 @@
+"""What the pipeline says after each frame. Frames are numbers of the network's clock, tracks numbers of the tracker."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from aerojax.core.types import Gaussians, Observation
+
+DropCode = Literal["too-few-views", "silhouettes-disjoint"]
+"""Why an object of a frame could not be used:
+
+too-few-views: fewer cameras than needed show it whole.
+silhouettes-disjoint: the silhouettes meet nowhere: calibration, masks or clocks are wrong.
+"""
+
+
+@dataclass(frozen=True)
+class Appeared:
+    """An object that was not there before."""
+
+    frame: int
+    track: int
+
+
+@dataclass(frozen=True, eq=False)
+class Updated:
+    """An object that was seen and reconstructed.
+
+    position: of its centre, metres, world frame.
+    observation: what was cut out; None where images are not kept.
+    gaussians: decimated, metres, rig frame; `observation.world_from_rig` takes them to the world.
+    log_probabilities: of the classes, from all frames so far; None where frames cannot be classified one by one.
+    """
+
+    frame: int
+    track: int
+    position: Float64[np.ndarray, "3"]
+    gaussians: Gaussians
+    observation: Observation | None
+    log_probabilities: Float32[np.ndarray, "label"] | None
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A frame that could not be used, of one object or of all where `track` is None."""
+
+    frame: int
+    track: int | None
+    code: DropCode
+    text: str
+
+
+@dataclass(frozen=True)
+class Lost:
+    """An object that was not seen for so long that it counts as gone."""
+
+    frame: int
+    track: int
+
+
+Event = Appeared | Updated | Dropped | Lost

@@ -1,0 +1,200 @@
+"""The frame step: the only place where the stages meet.
+
+Everything runs in the rig's frame, that of the first camera: grids, seeds and farthest points are then the same numbers
+however the world is placed, and 32-bit floats keep their digits however far the rig is from the world's origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float64, Int, Key
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.classify.base import Classifier
+from aerojax.core.types import FrameSet, Gaussians, Observation, Track, View
+from aerojax.gaussians.decimate import DecimationConfig, decimate
+from aerojax.pipeline.config import PipelineConfig, clip_settings
+from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, Updated
+from aerojax.pipeline.stopwatch import Stopwatch
+from aerojax.reconstruct.base import Reconstructor
+from aerojax.reconstruct.observe import observe, usable
+from aerojax.segment.base import Preview, Segmenter
+from aerojax.track.base import Tracker
+
+
+@dataclass(frozen=True, eq=False)
+class TrackState:
+    """One object: the frame in which it was last seen, and what the classifier remembers of it."""
+
+    last_seen: int
+    classify: Any
+
+
+@dataclass(frozen=True, eq=False)
+class PipelineState:
+    """What is remembered from frame to frame; its size does not grow with their number."""
+
+    segment: Any
+    track: Any
+    objects: Mapping[int, TrackState]
+
+
+@dataclass(frozen=True, eq=False)
+class Pipeline:
+    """Stages put together for one network of cameras; make it with `make_pipeline`.
+
+    cameras: in the rig's frame. world_from_rig: rigid transform, metres.
+    classifier: None to reconstruct alone.
+    key: seeds the decimation, frame by frame.
+    watch: collects the milliseconds of each stage.
+    """
+
+    cameras: tuple[CaptureCamera, ...]
+    world_from_rig: Float64[np.ndarray, "4 4"]
+    config: PipelineConfig
+    segmenter: Segmenter
+    tracker: Tracker
+    reconstructor: Reconstructor
+    classifier: Classifier | None
+    key: Key[Array, ""]
+    watch: Stopwatch = field(default_factory=Stopwatch)
+
+    def initial(self, preview: Preview | None = None) -> PipelineState:
+        """The state before the first frame; without a preview nothing looks ahead.
+
+        Raises:
+            UserError: the preview shows that the object to follow is not there.
+        """
+        return PipelineState(self.segmenter.initial(self.cameras, preview), self.tracker.initial(self.cameras), {})
+
+    def step(self, frames: FrameSet, state: PipelineState) -> tuple[tuple[Event, ...], PipelineState]:
+        """What one more frame shows.
+
+        Args:
+            frames: of the cameras of this pipeline, in their order; later than the last ones.
+            state: from `initial` or the last step.
+        """
+        with self.watch.stage("segment"):
+            silhouettes, segment = self.segmenter.step(frames, state.segment)
+        with self.watch.stage("track"):
+            tracks, track = self.tracker.step(frames, silhouettes, state.track)
+        objects, events = dict(state.objects), []
+        for one in tracks:
+            before = objects.get(one.number)
+            if before is None:
+                events.append(Appeared(frames.frame, one.number))
+            said, classify = self._follow(frames, one, before.classify if before else self._unclassified())
+            events.append(said)
+            objects[one.number] = TrackState(frames.frame, classify)
+        if not tracks:
+            events.append(self.too_few_views(frames, None, 0))
+        for number, known in tuple(objects.items()):
+            if frames.frame - known.last_seen > self.config.lost_after:
+                events.append(Lost(frames.frame, number))
+                del objects[number]
+        return tuple(events), PipelineState(segment, track, objects)
+
+    def observe(self, frames: FrameSet, track: Track) -> Observation | Dropped:
+        """Cut out an object where enough cameras show it whole."""
+        whole = sum(usable(track.silhouettes))
+        if whole < self.config.min_views:
+            return self.too_few_views(frames, track.number, whole)
+        with self.watch.stage("crop"):
+            return observe(
+                frames,
+                track.silhouettes,
+                self.cameras,
+                size=self.config.crop_size,
+                world_from_rig=self.world_from_rig,
+            )
+
+    def _follow(self, frames: FrameSet, track: Track, classify: Any) -> tuple[Updated | Dropped, Any]:
+        """One object's event, and the classifier's next state."""
+        seen = self.observe(frames, track)
+        if isinstance(seen, Dropped):
+            return seen, classify
+        with self.watch.stage("reconstruct"):
+            found, count = jax.block_until_ready(_reconstruct(self.reconstructor, seen.views, jnp.asarray(seen.valid)))
+        if int(count) == 0:
+            text = "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
+            return Dropped(frames.frame, track.number, "silhouettes-disjoint", text), classify
+        with self.watch.stage("decimate"):
+            shift = jnp.asarray(seen.rig_from_crop[:3, 3], jnp.float32)
+            key = jax.random.fold_in(self.key, frames.frame)
+            gaussians = jax.block_until_ready(_decimate(found, count, shift, key, self.config.decimation))
+        probabilities = None
+        if self.classifier is not None and self.classifier.causal:
+            with self.watch.stage("classify"):
+                logits, classify = jax.block_until_ready(_classify(self.classifier, gaussians, classify))
+            probabilities = np.asarray(logits)
+        position = seen.world_from_crop[:3, 3]
+        return Updated(frames.frame, track.number, position, gaussians, seen, probabilities), classify
+
+    def _unclassified(self) -> Any:
+        return self.classifier.initial() if self.classifier is not None and self.classifier.causal else None
+
+    def too_few_views(self, frames: FrameSet, track: int | None, whole: int) -> Dropped:
+        """The event of an object that `whole` cameras show whole; of no object where `track` is None."""
+        text = f"{whole} of {len(self.cameras)} cameras see the whole object, {self.config.min_views} are needed"
+        return Dropped(frames.frame, track, "too-few-views", text)
+
+
+def make_pipeline(
+    cameras: Sequence[CaptureCamera],
+    config: PipelineConfig,
+    classifier: Classifier | None = None,
+    *,
+    key: Key[Array, ""],
+    object_id: int | None = None,
+) -> Pipeline:
+    """Put the members that the configuration names together.
+
+    Args:
+        cameras: of the network, in the world's frame; the first one's frame is the rig's.
+        config: names and sizes.
+        classifier: from `load_classifier`; None to reconstruct alone.
+        key: seeds the decimation.
+        object_id: instance to follow where masks name instances; None to choose the largest.
+
+    Raises:
+        UserError: the configuration contradicts the classifier's card.
+    """
+    if classifier is not None:
+        classifier.card.require(clip_settings(config))
+    world_from_rig = np.asarray(cameras[0].world_from_cam)
+    rig_from_world = np.linalg.inv(world_from_rig)
+    in_rig = tuple(replace(c, world_from_cam=rig_from_world @ c.world_from_cam) for c in cameras)
+    members = config.segment.build(object_id), config.track.build(), config.reconstruct.build()
+    return Pipeline(in_rig, world_from_rig, config, *members, classifier, key)
+
+
+@jax.jit
+def _reconstruct(
+    reconstructor: Reconstructor, views: View, valid: Bool[Array, "view"]
+) -> tuple[Gaussians, Int[Array, ""]]:
+    return reconstructor(views, valid)
+
+
+@partial(jax.jit, static_argnames="config")
+def _decimate(
+    gaussians: Gaussians,
+    count: Int[Array, ""],
+    rig_from_crop: Float[Array, "3"],
+    key: Key[Array, ""],
+    config: DecimationConfig,
+) -> Gaussians:
+    """Decimated in the crop's frame, then moved to the rig's, whose axes are the same."""
+    kept = decimate(gaussians, count=count, key=key, config=config)
+    return replace(kept, mean=kept.mean + rig_from_crop)
+
+
+@jax.jit
+def _classify(classifier: Classifier, gaussians: Gaussians, state: Any) -> tuple[Float[Array, "label"], Any]:
+    return classifier.step(gaussians, jnp.ones((), bool), state)

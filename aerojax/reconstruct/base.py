@@ -1,0 +1,40 @@
+"""The door of stage 2: from views of one object to its 3D Gaussians."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
+
+from jaxtyping import Array, Bool, Int
+
+from aerojax.core.types import Gaussians, View
+
+
+@runtime_checkable
+class Reconstructor(Protocol):
+    """A pure function of one frame's crops, fit for `jax.jit` and `jax.vmap`."""
+
+    def __call__(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, Int[Array, ""]]:
+        """Gaussians in the frame of the crops' cameras, metres.
+
+        Args:
+            views: crops (leading axis `view`) that look at the frame's origin.
+            valid: views that count.
+
+        Returns:
+            A fixed number of Gaussians, of which the first `count` are real and the rest repeat real ones; `count`, 0
+            where the views do not agree on any object.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class ReconstructorConfig(ABC):
+    """Configuration of a member, chosen by its name: `reconstruct=hull`."""
+
+    members: ClassVar[str] = "aerojax.reconstruct.members"
+
+    @abstractmethod
+    def build(self) -> Reconstructor:
+        """The member."""

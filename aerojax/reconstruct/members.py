@@ -1,0 +1,6 @@
+"""The members behind the door of stage 2, by name."""
+
+from aerojax.reconstruct.base import ReconstructorConfig
+from aerojax.reconstruct.hull import HullConfig
+
+MEMBERS: dict[str, type[ReconstructorConfig]] = {"hull": HullConfig}

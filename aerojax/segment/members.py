@@ -1,0 +1,8 @@
+"""The members behind the door of stage 1, by name."""
+
+from aerojax.segment.auto import AutoConfig
+from aerojax.segment.base import SegmenterConfig
+from aerojax.segment.given import GivenConfig
+from aerojax.segment.motion import MotionConfig
+
+MEMBERS: dict[str, type[SegmenterConfig]] = {"auto": AutoConfig, "given": GivenConfig, "motion": MotionConfig}

@@ -1,0 +1,6 @@
+"""The members behind the tracker's door, by name."""
+
+from aerojax.track.base import TrackerConfig
+from aerojax.track.single import SingleConfig
+
+MEMBERS: dict[str, type[TrackerConfig]] = {"single": SingleConfig}

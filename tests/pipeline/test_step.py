@@ -1,0 +1,206 @@
+"""The frame step: events, the fold, members from outside, and equal numbers for streams and whole captures."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support.networks import frame_sets, network, position_at
+
+import aerojax.reconstruct.members
+import aerojax.segment.members
+import aerojax.track.members
+from aerojax.capture.format import read_capture
+from aerojax.classify.base import Classifier, untrained
+from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.core.config import to_dataclass, to_mapping
+from aerojax.core.errors import UserError
+from aerojax.core.types import Gaussians, Track
+from aerojax.gaussians.decimate import DecimationConfig
+from aerojax.pipeline.config import PipelineConfig, clip_settings
+from aerojax.pipeline.events import Appeared, Dropped, Lost, Updated
+from aerojax.pipeline.offline import reconstruct_capture
+from aerojax.pipeline.source import capture_frames, capture_preview
+from aerojax.pipeline.step import Pipeline, make_pipeline
+from aerojax.pipeline.stream import stream
+from aerojax.reconstruct.base import ReconstructorConfig
+from aerojax.reconstruct.hull import HullConfig
+from aerojax.segment.base import SegmenterConfig
+from aerojax.segment.given import GivenSegmenter
+from aerojax.track.base import TrackerConfig
+
+SMALL = PipelineConfig(
+    reconstruct=HullConfig(grid=32, capacity=512), crop_size=64, decimation=DecimationConfig(512, 96, 64), lost_after=3
+)
+NETWORK = MambaSplatConfig(d_model=32, depth=1, mamba_layers=2, scale_normalisation="running")
+KEY = jax.random.key(0)
+
+
+@pytest.fixture(scope="module")
+def classifier() -> Classifier:
+    return untrained(NETWORK, tokens=32, frames=8, key=jax.random.key(1))
+
+
+def run(pipeline: Pipeline, source) -> list:
+    return [event for events, _ in stream(pipeline, source) for event in events]
+
+
+def test_an_object_appears_moves_is_dropped_lost_and_appears_again(classifier):
+    cameras = network()
+    events = run(
+        make_pipeline(cameras, SMALL, classifier, key=KEY), frame_sets(cameras, range(12), blind=(3, 4, 5, 6, 7))
+    )
+    said = [(type(event).__name__, event.frame) for event in events]
+    dropped = [("Dropped", frame) for frame in (3, 4, 5)]
+    assert said[:5] == [("Appeared", 0), ("Updated", 0), ("Updated", 1), ("Updated", 2), dropped[0]]
+    assert ("Lost", 6) in said and said.count(("Appeared", 8)) == 1 and said[-1] == ("Updated", 11)
+    reasons = {event.code for event in events if isinstance(event, Dropped)}
+    assert reasons == {"too-few-views"}
+    for event in events:
+        if isinstance(event, Updated):
+            np.testing.assert_allclose(event.position, position_at(event.frame), atol=0.03)
+            assert event.log_probabilities is not None
+            assert np.exp(event.log_probabilities).sum() == pytest.approx(1.0, abs=1e-5)
+    assert not any(isinstance(event, Lost) and event.frame < 6 for event in events)
+
+
+def test_silhouettes_that_do_not_meet_are_a_dropped_frame():
+    cameras = list(network())
+    turned = cameras[1].world_from_cam.copy()
+    turned[:3, :3] = Rotation.from_euler("y", 12, degrees=True).as_matrix() @ turned[:3, :3]
+    events = run(
+        make_pipeline([cameras[0], replace(cameras[1], world_from_cam=turned), *cameras[2:]], SMALL, key=KEY),
+        frame_sets(tuple(cameras), range(1)),
+    )
+    assert [type(event) for event in events] == [Appeared, Dropped]
+    assert events[1].code == "silhouettes-disjoint" and "calibration" in events[1].text
+
+
+def test_the_world_s_place_and_turn_change_nothing(classifier):
+    place = np.eye(4)
+    place[:3, :3] = Rotation.random(random_state=3).as_matrix()
+    place[:3, 3] = [4.5e5, 5.6e6, 120.0]  # as in UTM coordinates
+    here, there = network(), network(world_from_rig=place)
+    frames = list(frame_sets(here, range(4)))
+    one, other = (
+        [e for e in run(make_pipeline(c, SMALL, classifier, key=KEY), frames) if isinstance(e, Updated)]
+        for c in (here, there)
+    )
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_allclose(b.log_probabilities, a.log_probabilities, atol=1e-4)
+        np.testing.assert_allclose(b.position, place[:3, :3] @ a.position + place[:3, 3], atol=1e-5)
+
+
+def test_a_stream_goes_on_where_it_ended(classifier):
+    cameras = network()
+    pipeline = make_pipeline(cameras, SMALL, classifier, key=KEY)
+    whole = [e for e in run(pipeline, frame_sets(cameras, range(6))) if isinstance(e, Updated)]
+    *_, (_, state) = stream(pipeline, frame_sets(cameras, range(3)))
+    rest = [e for es, _ in stream(pipeline, frame_sets(cameras, range(3, 6)), state) for e in es]
+    np.testing.assert_array_equal(rest[-1].log_probabilities, whole[-1].log_probabilities)
+    fresh = [e for es, _ in stream(pipeline, frame_sets(cameras, range(3, 6))) for e in es]
+    assert np.abs(fresh[-1].log_probabilities - whole[-1].log_probabilities).max() > 1e-6  # the state matters
+
+
+def test_the_state_does_not_grow(classifier):
+    cameras = network(3)
+    pipeline = make_pipeline(cameras, SMALL, classifier, key=KEY)
+    sizes = []
+    for _, state in stream(pipeline, frame_sets(cameras, range(5))):
+        leaves = jax.tree.leaves([one.classify for one in state.objects.values()])
+        sizes.append(sum(leaf.nbytes for leaf in leaves))
+    assert len(set(sizes)) == 1
+
+
+@pytest.mark.slow
+def test_a_stream_equals_the_whole_capture_frame_by_frame(shared, classifier):
+    folder = shared / "data/captures/drone_crazyflie"
+    if not folder.is_dir():
+        pytest.skip(f"no capture at {folder}")
+    capture = replace(read_capture(folder), frames=10)
+    clip = reconstruct_capture(capture, SMALL, classifier, key=KEY)
+    pipeline = make_pipeline(capture.cameras, SMALL, classifier, key=KEY)
+    events = [
+        e
+        for es, _ in stream(pipeline, capture_frames(capture), pipeline.initial(capture_preview(capture)))
+        for e in es
+        if isinstance(e, Updated)
+    ]
+    assert tuple(e.frame for e in events) == clip.frames and len(clip.frames) >= 8
+    np.testing.assert_allclose(np.stack([e.log_probabilities for e in events]), clip.log_probabilities, atol=1e-5)
+    # And with the parallel scan over the whole clip, which never saw a stream's state.
+    at_once = classifier.clip(clip.gaussians, jnp.ones(len(clip.frames), bool))
+    np.testing.assert_allclose(at_once, clip.log_probabilities, atol=1e-5)
+
+
+def test_a_pipeline_that_contradicts_the_card_is_refused(classifier):
+    settings = tuple(sorted(clip_settings(SMALL).items()))
+    carded = dataclasses.replace(classifier, card=dataclasses.replace(classifier.card, settings=settings))
+    make_pipeline(network(), SMALL, carded, key=KEY)
+    with pytest.raises(UserError, match=r"crop_size is 32, in training it was 64") as caught:
+        make_pipeline(network(), replace(SMALL, crop_size=32), carded, key=KEY)
+    assert caught.value.code == "mismatch"
+    with pytest.raises(UserError, match=r"reconstruct\.grid"):
+        make_pipeline(network(), replace(SMALL, reconstruct=HullConfig(grid=48, capacity=512)), carded, key=KEY)
+
+
+# Members that nobody here wrote: each is a configuration with a name, and what it builds.
+
+
+@dataclass(frozen=True)
+class Ball(ReconstructorConfig):
+    name: Literal["ball"] = "ball"
+    radius: float = 0.25
+
+    def build(self):
+        cloud = jax.random.normal(KEY, (64, 14)).at[:, 10].set(0.9) * self.radius
+        return jax.tree_util.Partial(lambda cloud, views, valid: (Gaussians.from_columns(cloud), jnp.array(64)), cloud)
+
+
+@dataclass(frozen=True)
+class Inverse(SegmenterConfig):
+    name: Literal["inverse"] = "inverse"
+
+    def build(self, object_id):
+        return GivenSegmenter(3)
+
+
+@dataclass(frozen=True)
+class Second(TrackerConfig):
+    name: Literal["second"] = "second"
+
+    def build(self):
+        return self
+
+    def initial(self, cameras):
+        return len(cameras)
+
+    def step(self, frames, silhouettes, state):
+        seen = {one.camera: one for one in silhouettes}
+        return [Track(2, tuple(seen.get(c) for c in range(state)), None, None, None)], state
+
+
+@pytest.mark.parametrize(
+    ("room", "member"),
+    [(aerojax.reconstruct, Ball), (aerojax.segment, Inverse), (aerojax.track, Second)],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_member_from_outside_is_chosen_by_its_name(room, member, monkeypatch):
+    name, door = member.name, room.__name__.rpartition(".")[2]
+    monkeypatch.setitem(room.members.MEMBERS, name, member)
+    config = to_dataclass({**to_mapping(SMALL), door: {"name": name}}, PipelineConfig)
+    cameras = network()
+    events = run(make_pipeline(cameras, config, key=KEY), frame_sets(cameras, range(2)))
+    assert getattr(config, door) == member() and sum(isinstance(e, Updated) for e in events) == 2
+    assert {e.track for e in events} == {2 if member is Second else 0}
+
+
+def test_an_unknown_member_is_named_with_those_known():
+    with pytest.raises(UserError, match=r"reconstruct.*ball.*hull"):
+        to_dataclass({**to_mapping(SMALL), "reconstruct": {"name": "ball"}}, PipelineConfig)
