@@ -1,7 +1,12 @@
-"""Strict mapping -> frozen dataclass: an unknown, missing or mistyped key is an error that names it."""
+"""Strict mapping -> frozen dataclass: an unknown, missing or mistyped key is an error that names it.
+
+A field whose type is the base class of a door (it has `members: ClassVar[str]`, the module whose `MEMBERS` lists the
+members by name) holds one of the members: its mapping's `name` says which.
+"""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,7 +40,23 @@ def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=True)
     for kind, accepted in ((int, (int,)), (float, (int, float)), (str, (str,)), (bool, (bool,)), (Path, (str, Path))):
         converter.register_structure_hook(kind, _strict(kind, accepted))
+    # Only the base class itself is a door, its members are ordinary dataclasses.
+    converter.register_structure_hook_func(_is_door, lambda value, door: _member(converter, value, door))
+    converter.register_unstructure_hook_func(_is_door, lambda config: converter.unstructure(config, type(config)))
     return converter
+
+
+def _is_door(kind: Any) -> bool:
+    return isinstance(kind, type) and "members" in vars(kind)
+
+
+def _member(converter: cattrs.Converter, value: Any, door: Any) -> Any:
+    """The member of a door that a mapping names."""
+    members: Mapping[str, type] = importlib.import_module(door.members).MEMBERS
+    name = value.get("name") if isinstance(value, Mapping) else None
+    if name not in members:
+        raise ValueError(f"name is {name!r}; choose one of {', '.join(sorted(members))}")
+    return converter.structure(value, members[name])
 
 
 _CONVERTER = _converter()
