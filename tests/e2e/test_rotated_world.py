@@ -23,11 +23,11 @@ from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.simulate.assets.catalogue import identities
 from aerojax.simulate.plan.single import SequenceConfig, simulate_sequence
-from aerojax.simulate.world.rigs import RigConfig
+from aerojax.simulate.world.random_rigs import RandomRigConfig
 
 FRAMES, TOKENS = 6, 128
 CONFIG = PipelineConfig(decimation=DecimationConfig(draw=8192, farthest=300, keep=256))
-RIG = RigConfig(cameras=4, width=400, height=300, span_px=(80.0, 90.0), distance=(12.0, 14.0))
+RIG = RandomRigConfig(cameras=4, width=400, height=300, span_px=(80.0, 90.0), distance=(12.0, 14.0))
 TURNS = Rotation.random(2, random_state=7).as_matrix()
 
 

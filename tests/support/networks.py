@@ -42,7 +42,7 @@ def network(cameras: int = 4, *, world_from_rig: np.ndarray | None = None) -> tu
 
 def position_at(frame: int) -> np.ndarray:
     """The ellipsoid's centre, metres: a slow circle that never ends."""
-    return np.array([0.3 * np.cos(0.1 * frame), 0.3 * np.sin(0.1 * frame), 0.05 * np.sin(0.23 * frame)])
+    return np.array([0.9 * np.cos(0.1 * frame), 0.9 * np.sin(0.1 * frame), 0.05 * np.sin(0.23 * frame)])
 
 
 def mask_of(camera: CaptureCamera, centre: np.ndarray) -> np.ndarray:

@@ -1,56 +1,14 @@
-"""Masks: which object to follow, and what moves before a background."""
+"""What moves before a background."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from support.networks import frame_sets, mask_of, network, position_at
 
 from aerojax.capture.format import read_capture
 from aerojax.capture.frames import read_mask, read_rgb
-from aerojax.core.errors import UserError
-from aerojax.segment.given import choose_object
-from aerojax.segment.motion import background, motion_mask
-
-
-def labelled(*areas):
-    """A 20×20 mask whose instance i + 1 covers areas[i] pixels."""
-    flat = np.zeros(400, np.uint16)
-    flat[: sum(areas)] = np.repeat(np.arange(1, len(areas) + 1), areas)
-    return flat.reshape(20, 20)
-
-
-def test_the_largest_object_is_followed():
-    assert choose_object([labelled(5, 60, 20)], None) == 2
-    assert choose_object(iter([labelled(5, 60), labelled(100), labelled(0, 0, 30)]), None) == 1
-    assert choose_object([labelled(5, 60)], 1) == 1
-
-
-def test_instances_are_counted_over_all_masks():
-    large = np.full((20, 20), 900, np.uint16)
-    assert choose_object([labelled(399), large], None) == 900
-    assert choose_object([large, labelled(399)], None) == 900
-
-
-def test_an_absent_object_is_named_with_those_present():
-    with pytest.raises(UserError, match=r"object=7 appears in no mask of the capture; present: 1, 3"):
-        choose_object([labelled(5, 0, 20)], 7)
-    with pytest.raises(UserError, match=r"object=2 .* present: 1, 3"):
-        choose_object([labelled(5, 0, 20)], 2)
-    with pytest.raises(UserError, match="object=0 appears in no mask"):
-        choose_object([labelled(5)], 0)
-
-
-@pytest.mark.parametrize("object_id", [-1, -3])
-def test_a_negative_object_is_refused(object_id):
-    with pytest.raises(UserError, match=f"object={object_id} "):
-        choose_object([labelled(5, 6, 7)], object_id)
-
-
-def test_empty_masks_are_said_to_be_empty():
-    with pytest.raises(UserError, match="every mask of the capture is empty"):
-        choose_object([labelled()], None)
-    with pytest.raises(UserError, match="present: none"):
-        choose_object([], 3)
+from aerojax.segment.motion import FEWEST_IMAGES, PREVIEWED, Background, MotionConfig, background, motion_mask
 
 
 def scene(seed=0, noise=0.0):
@@ -116,3 +74,33 @@ def overlap(name, shared):
 @pytest.mark.parametrize("name", ["bird_animalia_cardinal", "plane_rc_cessna"])
 def test_motion_masks_on_reference_captures(shared, name):
     assert overlap(name, shared) >= 0.6
+
+
+def test_a_background_forms_as_frames_pass_in_constant_memory():
+    still, _ = scene()
+    known, kept = Background(), []
+    for step in range(200):
+        image = still.copy()
+        left = 3 * step % 70
+        image[20:30, left : left + 8] = 1.0
+        known = known.after(image)
+        kept.append(len(known.images))
+        if step + 1 < FEWEST_IMAGES:
+            assert known.still is None
+    assert max(kept) <= PREVIEWED + 1
+    np.testing.assert_allclose(known.still, still, atol=1 / 255)
+
+
+def test_a_stream_without_masks_finds_the_object_once_there_is_a_background():
+    cameras = network(3)
+    segmenter = MotionConfig().build(None)
+    state, seen = segmenter.initial(cameras), []
+    for frames in frame_sets(cameras, range(0, 80, 4), masks=False):
+        found, state = segmenter.step(frames, state)
+        seen.append(found)
+    assert not any(seen[: FEWEST_IMAGES - 1])
+    truth = [mask_of(camera, position_at(76)) for camera in cameras]
+    for one in seen[-1]:
+        both = np.count_nonzero((one.coverage > 0.5) & truth[one.camera])
+        assert both / np.count_nonzero((one.coverage > 0.5) | truth[one.camera]) > 0.8
+    assert len(seen[-1]) == 3
