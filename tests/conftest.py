@@ -1,21 +1,45 @@
-"""Shared fixtures: strict JAX and the reference data that lies beside the checkout."""
+"""Shared fixtures: strict JAX, programs compiled once for all workers, and the data that lies beside the checkout."""
 
 from __future__ import annotations
 
+import gc
+import os
+import tempfile
 from pathlib import Path
 
 import jax
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+STRICT = bool(os.environ.get("AEROJAX_STRICT"))
+
+
+def pytest_configure() -> None:
+    """Let all workers, and the processes that tests start, share what XLA compiles."""
+    cache = Path(tempfile.gettempdir()) / f"aerojax-tests-{os.getuid()}" / "xla"
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 @pytest.fixture(autouse=True)
 def _strict_jax():
-    jax.config.update("jax_debug_nans", True)
+    strict = {"jax_debug_nans": True}
+    if STRICT:
+        strict |= {"jax_numpy_rank_promotion": "raise", "jax_numpy_dtype_promotion": "strict"}
+    for name, value in strict.items():
+        jax.config.update(name, value)
     yield
-    jax.config.update("jax_debug_nans", True)
-    jax.config.update("jax_enable_x64", False)
+    for name, value in {**strict, "jax_enable_x64": False}.items():
+        jax.config.update(name, value)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _free_programs():
+    """Programs of one file do not stay in memory for the next; what compiled long comes back from the shared cache."""
+    yield
+    jax.clear_caches()
+    gc.collect()
 
 
 @pytest.fixture
