@@ -8,9 +8,10 @@ from typing import Any
 
 from rich.console import Console
 
+from aerojax.core.files import write_json
 from aerojax.data.exports.export import chosen_formats, export_dataset, find_notices
 from aerojax.data.exports.sources import ExportOptions, Placement, ReplicatorLayout, find_sequences
-from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 

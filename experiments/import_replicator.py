@@ -9,7 +9,8 @@ from rich.console import Console
 
 from aerojax.capture.imports.replicator import ReplicatorImport, import_replicator
 from aerojax.capture.imports.replicator_camera import UpAxis
-from experiments._launch.command import Run, experiment, write_json
+from aerojax.core.files import write_json
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 

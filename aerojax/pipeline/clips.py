@@ -17,13 +17,10 @@ from aerojax.core.config import to_dataclass, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
 from aerojax.core.workers import run_jobs
-from aerojax.data.clips import save_clip
+from aerojax.data.clips import RECORD, clip_files, save_clip
 from aerojax.data.manifest import read_datasets
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.offline import reconstruct_capture
-
-RECORD = "manifest.json"
-"""Where a folder of clips notes how they were made."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,7 @@ def make_clips(
             unusable.append(name)
         progress(done, len(missing), f"clips in {folder}")
     places = sorted({str(job.path.parent.relative_to(folder)) for job in jobs})
-    return MadeClips({place: len(list((folder / place).glob("*.npz"))) for place in places}, tuple(sorted(unusable)))
+    return MadeClips({place: len(clip_files(folder / place)) for place in places}, tuple(sorted(unusable)))
 
 
 def settings_of(folder: Path) -> Settings:

@@ -12,10 +12,10 @@ from support.torch_files import write_archive
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, SH_C0, Gaussians
+from aerojax.data.clips import load_clips
 from aerojax.data.imports.released_frames import columns_from_published
 from aerojax.data.imports.released_layout import asset_of, find_sequences
 from aerojax.gaussians.io.ply import write_ply
-from aerojax.training.variation import load_clips
 from experiments import import_clips
 
 OWL = "blank_1.4r_20el_4cams_pinhole_5.0x_20_Owl_merged"

@@ -18,7 +18,7 @@ from aerojax.geometry.rotations import haar_rotation
 from aerojax.training.checkpoint import latest_step, restore_state, save_state
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
 from aerojax.training.optimisers import OptimiserConfig, adamw, decays
-from aerojax.training.variation import VariationConfig, epoch_order, load_clips, save_clip, vary_clip
+from aerojax.training.variation import VariationConfig, epoch_order, vary_clip
 
 CONFIG = TrainingConfig(epochs=4, batch=8, optimiser=OptimiserConfig(learning_rate=0.05))
 INPUTS = np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32)
@@ -313,42 +313,6 @@ def test_decay_moves_only_what_decays():
     rate = 0.01 * CONFIG.optimiser.learning_rate  # the first step of the warm-up
     np.testing.assert_allclose(changes[1]["weight"] - changes[0]["weight"], -0.5 * rate, rtol=1e-3)
     np.testing.assert_array_equal(changes[1]["bias"], changes[0]["bias"])
-
-
-def test_clips_are_read_in_order_padded_and_cut(tmp_path):
-    save_clip(tmp_path / "b.npz", np.ones((3, 4, 14)), "drone", "drone_x")
-    save_clip(tmp_path / "a.npz", np.full((6, 4, 14), 2.0), "bird", "bird_y")
-    clips = load_clips(tmp_path, frames=5)
-    assert clips.columns.shape == (2, 5, 4, 14) and clips.columns.dtype == np.float32
-    assert clips.label.tolist() == [0, 1] and clips.identity == ("bird_y", "drone_x")
-    assert clips.present.tolist() == [[True] * 5, [True] * 3 + [False] * 2]
-    assert not clips.columns[1, 3:].any()
-    assert not list(tmp_path.glob("*.tmp"))
-
-
-def test_clips_that_cannot_be_used_are_named(tmp_path):
-    with pytest.raises(UserError, match=r"holds no clips .* experiments\.reconstruct_dataset"):
-        load_clips(tmp_path, frames=4)
-    save_clip(tmp_path / "odd.npz", np.ones((3, 4, 14)), "kite", "kite_0")
-    with pytest.raises(UserError, match=r"odd\.npz is not a clip"):
-        load_clips(tmp_path, frames=4)
-    save_clip(tmp_path / "odd.npz", np.ones((3, 4, 11)), "bird", "bird_0")
-    with pytest.raises(UserError, match=r"odd\.npz is not a clip"):
-        load_clips(tmp_path, frames=4)
-
-
-@pytest.mark.parametrize("content", [b"", b"not an archive", b"PK\x03\x04 cut"])
-def test_broken_clip_files_are_named(tmp_path, content):
-    (tmp_path / "cut.npz").write_bytes(content)
-    with pytest.raises(UserError, match=r"cut\.npz"):
-        load_clips(tmp_path, frames=4)
-
-
-def test_clips_of_unequal_token_counts_are_named(tmp_path):
-    save_clip(tmp_path / "a.npz", np.ones((3, 4, 14)), "bird", "bird_0")
-    save_clip(tmp_path / "b.npz", np.ones((3, 5, 14)), "bird", "bird_0")
-    with pytest.raises(UserError, match=r"b\.npz .*5 tokens.*4"):
-        load_clips(tmp_path, frames=4)
 
 
 def test_label_figures_by_hand():

@@ -44,6 +44,16 @@ class FrameReading:
     tokens: int
     decimation: DecimationConfig
 
+    def __post_init__(self) -> None:
+        """Refuse what no file has.
+
+        Raises:
+            UserError: names both fields.
+        """
+        if self.version < 0 or self.tokens < 1:
+            problem = f"version {self.version} must be at least 0 and tokens {self.tokens} at least 1"
+            raise UserError("out-of-range", problem, "correct them")
+
 
 def columns_from_published(columns: Float[np.ndarray, "*batch token 14"]) -> Float32[np.ndarray, "*batch token 14"]:
     """Undo the released normalisation as far as it can be undone; see the module."""

@@ -14,13 +14,10 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Literal
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
-
-Split = Literal["train", "val", "test"]
-SPLITS: tuple[Split, ...] = ("train", "val", "test")
+from aerojax.data.splits import SPLITS
 
 _FRAME = re.compile(r"^(?:(?P<name>.+)_)?frame_(?P<frame>\d+)(?:_s(?P<sweep>\d+))?$")
 _ASSETS = (re.compile(r"_lform_(.+)_custom_"), re.compile(r"_\d+(?:\.\d+)?x_(.+)$"))
@@ -62,9 +59,11 @@ def find_sequences(source: Path, *, label: str | None = None, split: str | None 
         label, split: of all sequences, for folders whose paths do not say; a preprocessed folder says both itself.
 
     Raises:
-        UserError: names every file whose name, class or split cannot be told, every listed file that is absent, every
+        UserError: `label` is no class; else names every file whose name, class or split cannot be told, every listed file that is absent, every
             frame that is there twice and every asset in two splits.
     """
+    if label not in (None, *CLASSES):
+        raise UserError("out-of-range", f"label {label!r} is no class", f"choose one of {', '.join(CLASSES)}")
     if not source.is_dir():
         raise UserError("unreadable", f"source {source} is not a folder", "correct the path")
     problems: list[str] = []

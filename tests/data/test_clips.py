@@ -1,0 +1,77 @@
+"""Clips on disk and in memory, and windows of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aerojax.core.errors import UserError
+from aerojax.data.clips import clip_files, join_clips, load_clips, save_clip
+from aerojax.data.windows import read_windows, window_starts
+
+
+def test_clips_are_read_in_order_padded_and_cut(tmp_path):
+    save_clip(tmp_path / "b.npz", np.ones((3, 4, 14)), "drone", "drone_x")
+    save_clip(tmp_path / "a.npz", np.full((6, 4, 14), 2.0), "bird", "bird_y")
+    clips = load_clips(tmp_path, frames=5)
+    assert clips.columns.shape == (2, 5, 4, 14) and clips.columns.dtype == np.float32
+    assert clips.label.tolist() == [0, 1] and clips.identity == ("bird_y", "drone_x")
+    assert clips.present.tolist() == [[True] * 5, [True] * 3 + [False] * 2]
+    assert not clips.columns[1, 3:].any()
+    (tmp_path / ".c.x1y2.tmp.npz").write_bytes(b"what a killed writer leaves")
+    assert load_clips(tmp_path, frames=5).identity == clips.identity
+    assert [path.name for path in clip_files(tmp_path)] == ["a.npz", "b.npz"]
+
+
+def test_clips_that_cannot_be_used_are_named(tmp_path):
+    with pytest.raises(UserError, match=r"holds no clips .* experiments\.reconstruct_dataset"):
+        load_clips(tmp_path, frames=4)
+    save_clip(tmp_path / "odd.npz", np.ones((3, 4, 14)), "kite", "kite_0")
+    with pytest.raises(UserError, match=r"odd\.npz is not a clip"):
+        load_clips(tmp_path, frames=4)
+    save_clip(tmp_path / "odd.npz", np.ones((3, 4, 11)), "bird", "bird_0")
+    with pytest.raises(UserError, match=r"odd\.npz is not a clip"):
+        load_clips(tmp_path, frames=4)
+
+
+@pytest.mark.parametrize("content", [b"", b"not an archive", b"PK\x03\x04 cut"])
+def test_broken_clip_files_are_named(tmp_path, content):
+    (tmp_path / "cut.npz").write_bytes(content)
+    with pytest.raises(UserError, match=r"cut\.npz"):
+        load_clips(tmp_path, frames=4)
+
+
+def test_clips_of_unequal_token_counts_are_named(tmp_path):
+    save_clip(tmp_path / "a.npz", np.ones((3, 4, 14)), "bird", "bird_0")
+    save_clip(tmp_path / "b.npz", np.ones((3, 5, 14)), "bird", "bird_0")
+    with pytest.raises(UserError, match=r"b\.npz .*5 tokens.*4"):
+        load_clips(tmp_path, frames=4)
+
+
+def test_sets_are_joined_in_order(tmp_path):
+    save_clip(tmp_path / "a/x.npz", np.ones((3, 4, 14)), "bird", "bird_0")
+    save_clip(tmp_path / "b/x.npz", np.ones((3, 4, 14)), "drone", "drone_0")
+    save_clip(tmp_path / "c/x.npz", np.ones((3, 5, 14)), "drone", "drone_0")
+    sets = [load_clips(tmp_path / name, frames=3) for name in "abc"]
+    joined = join_clips(sets[:2])
+    assert joined.label.tolist() == [0, 1] and joined.identity == ("bird_0", "drone_0")
+    with pytest.raises(UserError, match=r"\[4, 5\] tokens"):
+        join_clips(sets)
+
+
+def test_windows_of_clips(tmp_path):
+    clip = np.arange(7)[:, None, None] * np.ones((7, 4, 14))
+    save_clip(tmp_path / "sim1/test/a.npz", clip, "bird", "bird_0")
+    save_clip(tmp_path / "sim1/test/b.npz", clip[:2], "drone", "drone_0")
+    windows = read_windows([tmp_path / "sim1"], "test", frames=7, length=4, stride=2, tokens=3)
+    assert windows.name == tuple(f"sim1/test/{name}" for name in ("a@0", "a@2", "a@3", "b@0"))
+    assert windows.columns.shape == (4, 4, 3, 14) and windows.columns[1, :, 0, 0].tolist() == [2, 3, 4, 5]
+    assert windows.present.tolist()[3] == [True, True, False, False]
+    assert windows.video.tolist() == [0, 0, 0, 1] and windows.one_a_video().tolist() == [0, 3]
+    assert windows.identity[-1] == "drone_0" and windows.label.tolist() == [0, 0, 0, 1]
+
+
+def test_sizes_of_windows_are_checked():
+    assert window_starts(3, 4, 2) == [0] and window_starts(10, 4, 4) == [0, 4, 6]
+    with pytest.raises(UserError, match="stride is 0"):
+        window_starts(10, 4, 0)
