@@ -49,13 +49,18 @@ def transform_points(
     transform: Float[AnyArray, "4 4"], points: Float[AnyArray, "*batch 3"]
 ) -> Float[AnyArray, "*batch 3"]:
     """Apply a rigid transform `dst_from_src` to points in the source frame, metres."""
-    return points @ transform[:3, :3].T + transform[:3, 3]
+    return points @ transform[:3, :3].T + _like(transform[:3, 3], points)
 
 
 def points_in_camera(points_world: Float[AnyArray, "*batch 3"], camera: Pinhole) -> Float[AnyArray, "*batch 3"]:
     """World points in the camera's frame, metres; z is the depth along the optical axis."""
     rotation, centre = camera.world_from_cam[:3, :3], camera.world_from_cam[:3, 3]
-    return (points_world - centre) @ rotation
+    return (points_world - _like(centre, points_world)) @ rotation
+
+
+def _like(vector: Float[AnyArray, "n"], points: Float[AnyArray, "*batch n"]) -> Float[AnyArray, "*batch n"]:
+    """A vector for each point; JAX does not guess ranks here."""
+    return namespace(points).broadcast_to(vector, points.shape)
 
 
 def pixels_of_camera_points(points: Float[AnyArray, "*batch 3"], camera: Pinhole) -> Float[AnyArray, "*batch 2"]:
@@ -66,7 +71,10 @@ def pixels_of_camera_points(points: Float[AnyArray, "*batch 3"], camera: Pinhole
     xp = namespace(points)
     z = points[..., 2:]
     safe = xp.where(xp.abs(z) < 1e-9, 1e-9, z)
-    return (points / safe) @ camera.K[:2].T
+    # Element by element: a product of matrices may run in less than float32 on a GPU.
+    slopes, K = points[..., :2] / safe, camera.K
+    straight = slopes * _like(xp.diagonal(K)[:2], slopes) + _like(K[:2, 2], slopes)
+    return straight + _like(K[0, 1] * xp.eye(2, dtype=straight.dtype)[0], slopes) * slopes[..., 1:]
 
 
 def project_points(

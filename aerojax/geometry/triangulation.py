@@ -24,7 +24,7 @@ def intersect_rays(
     weights = jnp.ones(origins.shape[0], origins.dtype) if weights is None else weights
     # About the mean origin: the normal equations stay well scaled far from the frame's zero.
     anchor = jnp.sum(origins * weights[:, None], axis=0) / jnp.maximum(jnp.sum(weights), 1e-12)
-    projectors = jnp.eye(3, dtype=origins.dtype) - directions[:, :, None] * directions[:, None, :]
+    projectors = jnp.eye(3, dtype=origins.dtype)[None] - directions[:, :, None] * directions[:, None, :]
     projectors = projectors * weights[:, None, None]
-    right = jnp.einsum("rij,rj->i", projectors, origins - anchor)
+    right = jnp.einsum("rij,rj->i", projectors, origins - anchor[None])
     return jnp.linalg.solve(projectors.sum(axis=0), right) + anchor

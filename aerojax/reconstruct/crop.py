@@ -41,7 +41,7 @@ def crop_window(box: Float[Array, "4"], *, margin: float = MARGIN) -> Float[Arra
     centre = 0.5 * (box[:2] + box[2:])
     half = 0.5 * margin * jnp.maximum(box[2] - box[0], box[3] - box[1])
     signs = jnp.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]], box.dtype)
-    return centre + half * signs
+    return centre[None, :] + half * signs
 
 
 def crop_camera(camera: Camera, box: Float[Array, "4"], *, size: int, margin: float = MARGIN) -> Crop:

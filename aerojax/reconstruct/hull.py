@@ -20,7 +20,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import SH_C0, Camera, Gaussians, View, pytree_dataclass, static_field
-from aerojax.geometry.cameras import points_in_camera
+from aerojax.geometry.cameras import pixels_of_camera_points, points_in_camera
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.silhouette import bilinear, signed_distance
@@ -112,14 +112,14 @@ def _cell_size(cameras: Camera, valid: Bool[Array, "view"], config: HullConfig) 
 
 def _cell_centres(index: Int[Array, "cell"], cell: Float[Array, ""], grid: int) -> Float[Array, "cell 3"]:
     ijk = jnp.stack(jnp.unravel_index(index, (grid, grid, grid)), axis=-1)
-    return (ijk - (grid - 1) / 2) * cell
+    return (ijk.astype(cell.dtype) - (grid - 1) / 2) * cell
 
 
 def _project(points: Float[Array, "point 3"], camera: Camera) -> tuple[Float[Array, "point 2"], Float[Array, "point"]]:
     """Crop pixels and depths; depth is kept positive."""
     inside = points_in_camera(points, camera)
-    depth = jnp.maximum(inside[:, 2], 1e-3)
-    return inside[:, :2] / depth[:, None] * camera.K[0, 0] + camera.K[:2, 2], depth
+    inside = inside.at[:, 2].max(1e-3)
+    return pixels_of_camera_points(inside, camera), inside[:, 2]
 
 
 def _hull_field(
@@ -143,8 +143,8 @@ def _hull_field(
     budget = half**3 // 4
     chosen = jnp.nonzero(near, size=budget, fill_value=half**3)[0]
     corner = 2 * jnp.stack(jnp.unravel_index(jnp.minimum(chosen, half**3 - 1), (half, half, half)), axis=-1)
-    ijk = (corner[:, None, :] + jnp.array(list(itertools.product((0, 1), repeat=3)))).reshape(-1, 3)
-    fine = _least_distance((ijk - (grid - 1) / 2) * cell, *views)
+    ijk = (corner[:, None, :] + jnp.array(list(itertools.product((0, 1), repeat=3)))[None]).reshape(-1, 3)
+    fine = _least_distance((ijk.astype(cell.dtype) - (grid - 1) / 2) * cell, *views)
     field = jnp.repeat(jnp.repeat(jnp.repeat(coarse.reshape(half, half, half), 2, 0), 2, 1), 2, 2)
     at = jnp.where(jnp.repeat(chosen < half**3, 8)[:, None], ijk, grid)
     return field.at[at[:, 0], at[:, 1], at[:, 2]].set(fine, mode="drop")
@@ -189,7 +189,8 @@ def _surface(
     count = jnp.minimum(total, config.capacity)
     rank = jnp.arange(config.capacity)
     # Even thinning by rank where the surface has more cells than the capacity; padding repeats the first.
-    picked = jnp.where(total > config.capacity, rank * (total / config.capacity), rank).astype(jnp.int32)
+    stride = total.astype(cell.dtype) / config.capacity
+    picked = jnp.where(total > config.capacity, (rank.astype(cell.dtype) * stride).astype(jnp.int32), rank)
     index = everything[jnp.where(rank < count, picked, 0)]
     step = value[index] / jnp.maximum(steep[index], 0.01)
     points = _cell_centres(index, cell, config.grid) - step[:, None] * gradient[index]
@@ -211,9 +212,9 @@ def _surface_axes(
     """
     offset = jnp.stack(jnp.meshgrid(*([jnp.arange(-1, 2)] * 3), indexing="ij"), axis=-1).reshape(-1, 3)
     base = jnp.round(points / cell + (grid - 1) / 2).astype(jnp.int32)
-    ijk = jnp.clip(base[:, None, :] + offset, 0, grid - 1)
+    ijk = jnp.clip(base[:, None, :] + offset[None], 0, grid - 1)
     near = jnp.exp(-2.0 * (field[ijk[..., 0], ijk[..., 1], ijk[..., 2]] / cell) ** 2)
-    delta = (ijk - (grid - 1) / 2) * cell - points[:, None, :]
+    delta = (ijk.astype(cell.dtype) - (grid - 1) / 2) * cell - points[:, None, :]
     weight = near * jnp.exp(-jnp.sum(delta * delta, axis=-1) / (2 * cell * cell))
     weight = weight / jnp.maximum(jnp.sum(weight, axis=-1, keepdims=True), 1e-6)
     moments = jnp.einsum("gn,gni,gnj->gij", weight, delta, delta)
@@ -224,7 +225,8 @@ def _frame_from_moments(
     moments: Float[Array, "gaussian 3 3"], normals: Float[Array, "gaussian 3"], cell: Float[Array, ""]
 ) -> tuple[Float[Array, "gaussian 4"], Float[Array, "gaussian 3"]]:
     """Principal axes with the third one along the normal; 0.15 cells are the thinnest standard deviation."""
-    helper = jnp.where(jnp.abs(normals[:, :1]) < 0.6, jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    axes = jnp.eye(3, dtype=normals.dtype)
+    helper = jnp.where(jnp.abs(normals[:, :1]) < 0.6, axes[None, 0], axes[None, 1])
     first = normalise(jnp.cross(normals, helper))
     second = jnp.cross(normals, first)
     plane = jnp.stack([first, second], axis=-2)
@@ -235,7 +237,7 @@ def _frame_from_moments(
     major, minor = cos * first + sin * second, -sin * first + cos * second
     rotation = jnp.stack([major, minor, jnp.cross(major, minor)], axis=-1)
     variance = jnp.einsum("gik,gij,gjk->gk", rotation, moments, rotation)
-    scale = jnp.sqrt(jnp.maximum(variance * jnp.array([1.0, 1.0, 0.1]), (0.15 * cell) ** 2))
+    scale = jnp.sqrt(jnp.maximum(variance * jnp.array([[1.0, 1.0, 0.1]], variance.dtype), (0.15 * cell) ** 2))
     return quaternion_from_rotation(rotation), scale
 
 
@@ -256,10 +258,10 @@ def _surface_colour(
         flat = where[:, 1] * bins + where[:, 0]
         nearest = jnp.full(bins * bins, jnp.inf).at[flat].min(depth)
         seen = depth < nearest[flat] + 2.0 * cell
-        towards = normalise(view.camera.world_from_cam[:3, 3] - points)
+        towards = normalise(view.camera.world_from_cam[None, :3, 3] - points)
         square = jnp.maximum(jnp.sum(normals * towards, axis=-1), 0.0) ** 2
         inner = jnp.clip(bilinear(image, pixels) / 2.0, 0.0, 1.0)  # the rim mixes with the background
-        weight = jnp.where(use, 1e-6 + seen * (1e-3 + square * inner), 0.0)
+        weight = jnp.where(use, 1e-6 + seen.astype(inner.dtype) * (1e-3 + square * inner), 0.0)
         return weight[:, None] * bilinear(view.rgb, pixels), weight
 
     colours, weights = jax.vmap(one_view)(views, distance, valid)

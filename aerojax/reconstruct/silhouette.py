@@ -19,7 +19,7 @@ def bilinear(
     x0 = jnp.minimum(jnp.floor(x).astype(jnp.int32), width - 2)
     y0 = jnp.minimum(jnp.floor(y).astype(jnp.int32), height - 2)
     trailing = (slice(None), *([None] * (image.ndim - 2)))
-    fx, fy = (x - x0)[trailing], (y - y0)[trailing]
+    fx, fy = (x - x0.astype(x.dtype))[trailing], (y - y0.astype(y.dtype))[trailing]
     flat = image.reshape(height * width, *image.shape[2:])
     at = y0 * width + x0
     top = flat[at] * (1 - fx) + flat[at + 1] * fx

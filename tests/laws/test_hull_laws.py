@@ -37,8 +37,13 @@ def rig(views, *, elevation=0.35):
     return Camera(jnp.broadcast_to(K, (views, 3, 3)), poses, SIZE, SIZE)
 
 
+def pixel_centres():
+    along = jnp.arange(SIZE, dtype=jnp.float32) + 0.5
+    return jnp.stack(jnp.meshgrid(along, along, indexing="xy"), axis=-1)
+
+
 def pixel_directions(camera):
-    grid = (jnp.stack(jnp.meshgrid(jnp.arange(SIZE), jnp.arange(SIZE), indexing="xy"), axis=-1) + 0.5).reshape(-1, 2)
+    grid = pixel_centres().reshape(-1, 2)
     in_camera = jnp.concatenate([(grid - SIZE / 2) / camera.K[0, 0], jnp.ones((SIZE * SIZE, 1))], axis=-1)
     along = in_camera @ camera.world_from_cam[:3, :3].T
     return along / jnp.linalg.norm(along, axis=-1, keepdims=True)
@@ -48,17 +53,18 @@ def sphere_mask(camera, radius, centre=(0.0, 0.0, 0.0)):
     """The exact silhouette of a sphere: rays that pass within its radius."""
     away = jnp.asarray(centre) - camera.world_from_cam[:3, 3]
     directions = pixel_directions(camera)
-    closest = away - (directions @ away)[:, None] * directions
+    closest = away[None] - (directions @ away)[:, None] * directions
     return (jnp.linalg.norm(closest, axis=-1) < radius).astype(jnp.float32).reshape(SIZE, SIZE)
 
 
 def rod_mask(camera, ends, radius):
     """The silhouette of a capsule about a segment, by the projected axis and width."""
     pixels = project_points(jnp.asarray(ends), camera)
-    grid = jnp.stack(jnp.meshgrid(jnp.arange(SIZE), jnp.arange(SIZE), indexing="xy"), axis=-1) + 0.5
+    grid = pixel_centres()
     along = pixels[1] - pixels[0]
-    share = jnp.clip(((grid - pixels[0]) @ along) / (along @ along), 0, 1)
-    gap = jnp.linalg.norm(grid - pixels[0] - share[..., None] * along, axis=-1)
+    from_end = grid - pixels[0][None, None]
+    share = jnp.clip((from_end @ along) / (along @ along), 0, 1)
+    gap = jnp.linalg.norm(from_end - share[..., None] * along[None, None], axis=-1)
     return (gap < radius * camera.K[0, 0] / DISTANCE).astype(jnp.float32)
 
 
@@ -68,7 +74,7 @@ def one(cameras, index):
 
 def views_of(cameras, mask_of, colour=(0.2, 0.5, 0.7)):
     masks = jnp.stack([mask_of(one(cameras, i)) for i in range(cameras.K.shape[0])])
-    rgb = jnp.where(masks[..., None] > 0.5, jnp.asarray(colour), 1.0)
+    rgb = jnp.where(masks[..., None] > 0.5, jnp.asarray(colour)[None, None, None], 1.0)
     return View(rgb, masks, cameras)
 
 
