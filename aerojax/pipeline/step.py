@@ -192,7 +192,7 @@ def _decimate(
 ) -> Gaussians:
     """Decimated in the crop's frame, then moved to the rig's, whose axes are the same."""
     kept = decimate(gaussians, count=count, key=key, config=config)
-    return replace(kept, mean=kept.mean + rig_from_crop)
+    return replace(kept, mean=kept.mean + rig_from_crop[None])
 
 
 @jax.jit
