@@ -59,8 +59,8 @@ def find_sequences(source: Path, *, label: str | None = None, split: str | None 
         label, split: of all sequences, for folders whose paths do not say; a preprocessed folder says both itself.
 
     Raises:
-        UserError: `label` is no class; else names every file whose name, class or split cannot be told, every listed file that is absent, every
-            frame that is there twice and every asset in two splits.
+        UserError: `label` is no class; else names every file whose name, class or split cannot be told, every listed
+            file that is absent, every frame that is there twice and every asset in two splits.
     """
     if label not in (None, *CLASSES):
         raise UserError("out-of-range", f"label {label!r} is no class", f"choose one of {', '.join(CLASSES)}")

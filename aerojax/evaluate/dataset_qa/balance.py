@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from aerojax.core.types import CLASSES
-from aerojax.data.manifest import SPLITS, SequenceEntry
+from aerojax.data.manifest import SequenceEntry
+from aerojax.data.splits import SPLITS
 
 
 @dataclass(frozen=True)
