@@ -115,7 +115,9 @@ def _cell_centres(index: Int[Array, "cell"], cell: Float[Array, ""], grid: int) 
     return (ijk.astype(cell.dtype) - (grid - 1) / 2) * cell
 
 
-def _project(points: Float[Array, "point 3"], camera: Camera) -> tuple[Float[Array, "point 2"], Float[Array, "point"]]:
+def _pixels_and_depths(
+    points: Float[Array, "point 3"], camera: Camera
+) -> tuple[Float[Array, "point 2"], Float[Array, "point"]]:
     """Crop pixels and depths; depth is kept positive."""
     inside = points_in_camera(points, camera)
     inside = inside.at[:, 2].max(1e-3)
@@ -158,7 +160,7 @@ def _least_distance(
 ) -> Float[Array, "point"]:
     def body(least: Array, view: tuple[Array, Camera, Array]) -> tuple[Array, None]:
         image, camera, use = view
-        pixels, depth = _project(points, camera)
+        pixels, depth = _pixels_and_depths(points, camera)
         metres = bilinear(image, pixels) * depth / camera.K[0, 0]
         return jnp.minimum(least, jnp.where(use, metres, jnp.inf)), None
 
@@ -252,7 +254,7 @@ def _surface_colour(
     """Mean colour over the views that see a point, weighted by how squarely, away from the silhouette's rim."""
 
     def one_view(view: View, image: Array, use: Array) -> tuple[Array, Array]:
-        pixels, depth = _project(points, view.camera)
+        pixels, depth = _pixels_and_depths(points, view.camera)
         bins = view.camera.width // 2
         where = jnp.clip((pixels / 2).astype(jnp.int32), 0, bins - 1)
         flat = where[:, 1] * bins + where[:, 0]
