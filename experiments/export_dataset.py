@@ -48,7 +48,7 @@ def main(config: Config, run: Run) -> None:
                 workers=config.workers,
                 overwrite=config.overwrite,
                 notices=find_notices(config.dataset),
-                advance=lambda task=task: bar.advance(task),
+                progress=lambda done, total, what, task=task: bar.update(task, completed=done),
             )
             done[name] = str(folder)
     write_json(run.directory / "metrics.json", {"sequences": len(sequences), "exports": done})

@@ -36,7 +36,7 @@ def main(config: Config, run: Run) -> None:
             config.recording,
             config.out,
             settings,
-            advance=lambda done, total: bar.update(task, completed=done, total=total),
+            progress=lambda done, total, what: bar.update(task, completed=done, total=total),
         )
     objects = {} if capture.truth is None else {o.identity: o.class_name for o in capture.truth.objects}
     content = {"frames": capture.frames, "cameras": len(capture.cameras), "objects": objects}

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,6 +22,7 @@ from aerojax.capture.truth import (
 )
 from aerojax.capture.validate.examination import FORMAT, OPTIONAL_IMAGES, VERSION, examine
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
 from aerojax.core.types import Camera
 
 __all__ = [
@@ -144,11 +142,10 @@ def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
         )
     head = {"format": FORMAT, "version": VERSION, "fps": capture.fps, "frames": capture.frames}
     body: dict[str, Any] = {**head, "cameras": [_camera_to_json(camera) for camera in capture.cameras]}
-    capture.folder.mkdir(parents=True, exist_ok=True)
     if capture.truth is not None:
         body["truth"] = "truth.json"
-        _write_json(capture.folder / "truth.json", truth_to_json(capture.truth))
-    _write_json(path, body, indent=1)
+        write_json(capture.folder / "truth.json", truth_to_json(capture.truth), indent=None)
+    write_json(path, body)
 
 
 def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
@@ -166,24 +163,6 @@ def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
     return raw | {"time_offset_s": camera.time_offset_s}
 
 
-def _write_json(path: Path, value: dict[str, Any], indent: int | None = None) -> None:
-    try:
-        text = json.dumps(value, indent=indent, allow_nan=False)
-    except ValueError:
-        raise UserError(
-            "out-of-range", f"{path}: a number to write is NaN or infinite", "check poses and calibration"
-        ) from None
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".tmp")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text + "\n")
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
 def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capture:
     """The same capture in a turned world: x' = R x for cameras and truth. Images and boxes stay as they are.
 
@@ -194,7 +173,7 @@ def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capt
     """
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
         raise UserError(
-            "unreadable", "rotate_world: `rotation` must be orthonormal with determinant 1", "normalise it first"
+            "invalid", "rotate_world: `rotation` must be orthonormal with determinant 1", "normalise it first"
         )
     turn = np.eye(4)
     turn[:3, :3] = rotation

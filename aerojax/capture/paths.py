@@ -92,3 +92,8 @@ def locate(folder: Path, pattern: str, frame: int) -> Path:
     if not path.is_file():
         raise UserError("missing", f"{path}: the file is missing", "restore it or validate the capture")
     return path
+
+
+def safe_name(text: str) -> str:
+    """`text` with ASCII letters, digits, dots, hyphens and single underscores only; names joined by `__` stay apart."""
+    return re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9.-]", "_", text)).strip("_.") or "unnamed"

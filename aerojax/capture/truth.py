@@ -12,11 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
+from aerojax.core.types import Box
 from aerojax.geometry.rotations import quaternion_from_rotation, quaternion_multiply
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-Box = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)

@@ -25,11 +25,11 @@ from aerojax.capture.imports.recording import (
 from aerojax.capture.imports.replicator_camera import RecordedPinhole, UpAxis, parse_camera
 from aerojax.capture.imports.replicator_objects import FlyingPrims, find_flying_prims, read_mapping
 from aerojax.capture.imports.replicator_truth import Poses, Sight, look_at_object, read_poses, tracked_objects
+from aerojax.capture.paths import safe_name
 from aerojax.capture.validate.examination import FEWEST_CAMERAS
 from aerojax.capture.validate.findings import Findings, Problem
 from aerojax.capture.write import write_frame
 from aerojax.core.errors import UserError
-from aerojax.data.exports.sources import safe_name
 
 _STILL = 1e-6  # pixels and metres; a static camera's parameters are written equal
 _DEPTHS = {"distance_to_image_plane": False, "distance_to_camera": True}
@@ -71,7 +71,11 @@ class _Source:
 
 
 def import_replicator(
-    recording: Path, out: Path, settings: ReplicatorImport, *, advance: Callable[[int, int], None] = lambda i, n: None
+    recording: Path,
+    out: Path,
+    settings: ReplicatorImport,
+    *,
+    progress: Callable[[int, int, str], None] = lambda done, total, what: None,
 ) -> Capture:
     """Turn a recording of BasicWriter (rgb, camera_params, instance_segmentation, distances) into a capture.
 
@@ -82,7 +86,7 @@ def import_replicator(
         recording: folder with a folder a render product.
         out: becomes the capture; must not exist. It appears when it is complete.
         settings: frame rate, classes and up axis.
-        advance: called with frames done and their number.
+        progress: called after each frame with (done, total, what).
 
     Raises:
         UserError: lists every problem of the recording at once, each with file, field and remedy.
@@ -104,7 +108,7 @@ def import_replicator(
     temporary.chmod(0o755)
     try:
         whole = [source for source in sources if source is not None]
-        capture = _convert(whole, frames, flying, settings, temporary, problems, advance)
+        capture = _convert(whole, frames, flying, settings, temporary, problems, progress)
         _refuse_if(problems, recording)
         write_capture_json(capture)
         read_capture(temporary)  # whatever else is wrong with the network is said before the capture appears
@@ -199,7 +203,7 @@ def _convert(
     settings: ReplicatorImport,
     folder: Path,
     problems: list[Problem],
-    advance: Callable[[int, int], None],
+    progress: Callable[[int, int, str], None],
 ) -> Capture:
     """Write all frames; broken files are noted and left out."""
     sights: dict[tuple[int, int], dict[str, Sight]] = {}
@@ -213,7 +217,7 @@ def _convert(
                     poses.setdefault(number, {})[index] = pose
             except BrokenFile as broken:
                 problems.append(broken.problem)
-        advance(index + 1, len(frames))
+        progress(index + 1, len(frames), "frames")
     cameras = tuple(source.camera for source in sources)
     objects = tracked_objects(flying, sights, poses, cameras, len(frames))
     has_masks = any(camera.mask is not None for camera in cameras)

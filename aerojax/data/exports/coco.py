@@ -16,14 +16,10 @@ from typing import Any, TextIO
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_mask
 from aerojax.core.errors import UserError
+from aerojax.core.files import whole_file
 from aerojax.core.types import CLASSES
-from aerojax.data.exports.observations import (
-    Observation,
-    object_pixels,
-    observations,
-    place_image,
-    recorded_frames,
-)
+from aerojax.data.exports.annotations import Annotation, annotations, object_pixels
+from aerojax.data.exports.images import place_image, recorded_frames
 from aerojax.data.exports.run_length import encode_mask
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names, stable_id
 
@@ -67,7 +63,7 @@ def _annotations(
     capture: Capture, sequence: SourceSequence, camera_index: int, frame: int, image_id: int
 ) -> Iterator[dict[str, Any]]:
     mask = read_mask(capture, camera_index, frame)
-    for seen in observations(capture, camera_index, frame):
+    for seen in annotations(capture, camera_index, frame):
         pixels = object_pixels(mask, seen)
         x0, y0, x1, y1 = seen.box
         area = (x1 - x0) * (y1 - y0) if pixels is None else int(pixels.sum())
@@ -86,7 +82,7 @@ def _annotations(
         }
 
 
-def _optional(seen: Observation) -> dict[str, Any]:
+def _optional(seen: Annotation) -> dict[str, Any]:
     whole = None
     if seen.whole_box is not None:
         x0, y0, x1, y1 = seen.whole_box
@@ -97,10 +93,10 @@ def _optional(seen: Observation) -> dict[str, Any]:
 
 def finish(folder: Path, parts: Sequence[Path]) -> None:
     """Merge the sequences' records into one file a split, holding one sequence in memory at a time."""
-    (folder / "annotations").mkdir(parents=True, exist_ok=True)
     for split in dict.fromkeys(part.parent.name for part in parts):
         mine = [part for part in parts if part.parent.name == split]
-        with (folder / "annotations" / f"instances_{split}.json").open("w", encoding="utf-8") as file:
+        path = folder / "annotations" / f"instances_{split}.json"
+        with whole_file(path) as temporary, temporary.open("w", encoding="utf-8") as file:
             head = {"info": {"description": f"aerojax, split {split}", "version": "1.0"}, "licenses": []}
             file.write(json.dumps(head)[:-1] + f', "categories": {json.dumps(CATEGORIES)}')
             for kind in ("images", "annotations"):

@@ -19,14 +19,16 @@ import numpy as np
 from jaxtyping import Float64
 
 from aerojax.capture.format import Capture, CaptureCamera
-from aerojax.data.exports.observations import observations, place_image, place_mask, recorded_frames
+from aerojax.core.files import write_text
+from aerojax.data.exports.annotations import annotations
+from aerojax.data.exports.images import place_image, place_mask, recorded_frames
 from aerojax.data.exports.sources import (
     ExportOptions,
     SourceSequence,
-    cam_from_world,
     camera_names,
     require_no_skew,
 )
+from aerojax.geometry.cameras import invert_rigid, project_points
 from aerojax.geometry.rotations import quaternion_from_rotation
 
 _GREY = "128 128 128"
@@ -50,8 +52,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
     images = _place_images(capture, target, options)
     points = _place_points(capture, images)
     sparse = target / "sparse" / "0"
-    sparse.mkdir(parents=True, exist_ok=True)
-    poses = [_pose_numbers(cam_from_world(camera)) for camera in capture.cameras]
+    poses = [_pose_numbers(invert_rigid(camera.world_from_cam)) for camera in capture.cameras]
     files = {
         "cameras": "".join(_camera_line(index + 1, camera) for index, camera in enumerate(capture.cameras)),
         "images": "".join(_image_lines(image, poses[image.camera_index]) for image in images),
@@ -60,7 +61,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
         "frames": _frame_lines(images, poses[0]),
     }
     for name, text in files.items():
-        (sparse / f"{name}.txt").write_text(text)
+        write_text(sparse / f"{name}.txt", text)
     return {}
 
 
@@ -85,12 +86,12 @@ def _place_points(capture: Capture, images: list[_Image]) -> list[str]:
     positions: dict[tuple[int, int], tuple[float, float, float]] = {}
     for image in images if capture.truth is not None else ():
         camera = capture.cameras[image.camera_index]
-        for observation in observations(capture, image.camera_index, image.frame):
-            pixel = _project(camera, np.array(observation.state.position))
+        for annotation in annotations(capture, image.camera_index, image.frame):
+            pixel = _pixel(np.array(annotation.state.position), camera)
             if pixel is not None:
-                key = image.frame, observation.item.object_id
+                key = image.frame, annotation.item.object_id
                 seen.setdefault(key, []).append((image, pixel))
-                positions[key] = observation.state.position
+                positions[key] = annotation.state.position
     lines = []
     for key, views in seen.items():
         if len(views) < 2:
@@ -103,13 +104,10 @@ def _place_points(capture: Capture, images: list[_Image]) -> list[str]:
     return lines
 
 
-def _project(camera: CaptureCamera, point: Float64[np.ndarray, "3"]) -> tuple[float, float] | None:
-    """Pixel of a world point, in double precision; None behind the camera or outside the image."""
-    x, y, z = (cam_from_world(camera) @ np.append(point, 1.0))[:3]
-    if z <= 0:
-        return None
-    u, v = camera.K[0, 0] * x / z + camera.K[0, 2], camera.K[1, 1] * y / z + camera.K[1, 2]
-    return (float(u), float(v)) if 0 <= u < camera.width and 0 <= v < camera.height else None
+def _pixel(point: Float64[np.ndarray, "3"], camera: CaptureCamera) -> tuple[float, float] | None:
+    """Pixel of a world point; None behind the camera or outside the image."""
+    u, v = project_points(point, camera, behind=np.nan).tolist()
+    return (u, v) if 0 <= u < camera.width and 0 <= v < camera.height else None
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -135,10 +133,10 @@ def _image_lines(image: _Image, pose: str) -> str:
 
 def _rig_line(capture: Capture) -> str:
     """Rig 1: the first camera is its frame of reference, the others carry sensor-from-rig poses."""
-    rig_from_world = cam_from_world(capture.cameras[0])
+    rig_from_world = invert_rigid(capture.cameras[0].world_from_cam)
     text = f"1 {len(capture.cameras)} CAMERA 1"
     for index, camera in enumerate(capture.cameras[1:], start=2):
-        sensor_from_rig = cam_from_world(camera) @ np.linalg.inv(rig_from_world)
+        sensor_from_rig = invert_rigid(camera.world_from_cam) @ np.linalg.inv(rig_from_world)
         text += f" CAMERA {index} 1 {_pose_numbers(sensor_from_rig)}"
     return text + "\n"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from aerojax.capture.format import read_capture
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
 from aerojax.data.exports import coco, colmap, mot, nerfstudio, replicator, yolo
 from aerojax.data.exports.sources import ExportFormat, ExportOptions, SourceSequence
 
@@ -51,7 +51,7 @@ def export_dataset(
     workers: int = 1,
     overwrite: bool = False,
     notices: Sequence[Path] = (),
-    advance: Callable[[], None] = lambda: None,
+    progress: Callable[[int, int, str], None] = lambda done, total, what: None,
 ) -> Path:
     """Write `out/<format>`; it appears when it is complete, and a failed export leaves nothing behind.
 
@@ -63,7 +63,7 @@ def export_dataset(
         workers: threads; decoding and writing images leave Python's lock.
         overwrite: replace an export of the same format.
         notices: files that go with the data, such as its licence; copied to the top of the export.
-        advance: called after each sequence.
+        progress: called after each sequence with (done, total, what).
 
     Raises:
         UserError: there is an export already, or a capture is broken or does not fit the format.
@@ -73,7 +73,7 @@ def export_dataset(
     target = out / format_name
     if target.exists() and not overwrite:
         raise UserError(
-            "invalid", f"{target}: there is an export already", "choose another `out` or set overwrite=true"
+            "occupied", f"{target}: there is an export already", "choose another `out` or set overwrite=true"
         )
     out.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=out, prefix=f".{format_name}-"))
@@ -88,9 +88,9 @@ def export_dataset(
             futures = [pool.submit(write, sequence) for sequence in sequences]
             try:
                 files = []
-                for future in futures:
+                for done, future in enumerate(futures, start=1):
                     files.append(future.result())
-                    advance()
+                    progress(done, len(futures), format_name)
             except BaseException:
                 pool.shutdown(cancel_futures=True)  # the first problem ends the export
                 raise
@@ -114,8 +114,7 @@ def _write_part(
 ) -> Path:
     part = writer.write_sequence(read_capture(sequence.folder), sequence, folder, options)
     path = parts / sequence.split / f"{sequence.name}.json"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(part), encoding="utf-8")
+    write_json(path, part, indent=None)
     return path
 
 

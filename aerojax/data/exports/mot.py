@@ -13,7 +13,9 @@ from pathlib import Path
 
 from aerojax.capture.format import Capture
 from aerojax.core.errors import UserError
-from aerojax.data.exports.observations import observations, place_image, recorded_frames
+from aerojax.core.files import write_json, write_text
+from aerojax.data.exports.annotations import annotations
+from aerojax.data.exports.images import place_image, recorded_frames
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names
 
 BENCHMARK = "aerojax"
@@ -38,14 +40,14 @@ def write_sequence(
             place_image(capture, camera_index, frame, image, options.images, suffixes=_UNIFORM)
             text += _box_lines(capture, camera_index, frame, number)
         _write_truth(target, capture, text)
-        (target / "seqinfo.ini").write_text(_sequence_info(capture, camera_index, name, len(frames)))
+        write_text(target / "seqinfo.ini", _sequence_info(capture, camera_index, name, len(frames)))
         names.append(name)
     return {"sequences": names}
 
 
 def _box_lines(capture: Capture, camera_index: int, frame: int, number: int) -> str:
     text = ""
-    for seen in observations(capture, camera_index, frame):
+    for seen in annotations(capture, camera_index, frame):
         x0, y0, x1, y1 = seen.box
         visibility = 1.0 if seen.visibility is None else seen.visibility
         corner = f"{x0:.3f},{y0:.3f},{x1 - x0:.3f},{y1 - y0:.3f}"
@@ -58,10 +60,9 @@ def _write_truth(target: Path, capture: Capture, text: str) -> None:
         raise UserError(
             "missing", f"{capture.folder}: has no truth.json, so there is nothing to track", "add it to the capture"
         )
-    (target / "gt").mkdir(parents=True, exist_ok=True)
-    (target / "gt" / "gt.txt").write_text(text)
+    write_text(target / "gt" / "gt.txt", text)
     objects = {o.object_id: {"class": o.class_name, "identity": o.identity} for o in capture.truth.objects}
-    (target / "gt" / "objects.json").write_text(json.dumps(objects, indent=1) + "\n")
+    write_json(target / "gt" / "objects.json", objects)
 
 
 def _sequence_info(capture: Capture, camera_index: int, name: str, length: int) -> str:
@@ -74,9 +75,8 @@ def _sequence_info(capture: Capture, camera_index: int, name: str, length: int) 
 
 def finish(folder: Path, parts: Sequence[Path]) -> None:
     """Write the list of sequences of each split to `seqmaps/`."""
-    (folder / "seqmaps").mkdir(parents=True, exist_ok=True)
     names: dict[str, list[str]] = {}
     for part in parts:
         names.setdefault(part.parent.name, []).extend(json.loads(part.read_text())["sequences"])
     for split, listed in names.items():
-        (folder / "seqmaps" / f"{BENCHMARK}-{split}.txt").write_text("\n".join(["name", *listed]) + "\n")
+        write_text(folder / "seqmaps" / f"{BENCHMARK}-{split}.txt", "\n".join(["name", *listed]) + "\n")

@@ -9,7 +9,6 @@ is. `time` runs from 0 to 1 over the sequence. Its parser turns and scales world
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,8 @@ import numpy as np
 
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_depth
-from aerojax.data.exports.observations import place_image, place_mask, recorded_frames
+from aerojax.core.files import whole_file, write_json
+from aerojax.data.exports.images import place_image, place_mask, recorded_frames
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names, require_no_skew
 
 OPENGL_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -68,15 +68,14 @@ def _record(
     if depth is not None:
         record["depth_file_path"] = f"depth/{stem}.npy"
         path = target / record["depth_file_path"]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        np.save(path, depth * _MILLIMETRES)
+        with whole_file(path) as temporary:
+            np.save(temporary, depth * _MILLIMETRES)
     return record
 
 
 def _write_transforms(path: Path, records: list[dict[str, Any]]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     content = {"camera_model": "OPENCV", "k1": 0.0, "k2": 0.0, "p1": 0.0, "p2": 0.0, "frames": records}
-    path.write_text(json.dumps(content, indent=1) + "\n")
+    write_json(path, content)
 
 
 def finish(folder: Path, parts: Sequence[Path]) -> None:

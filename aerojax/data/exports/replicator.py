@@ -9,7 +9,6 @@ OpenGL axes: `reshape(4, 4).T` of cameraViewTransform is camera-from-world, what
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,21 +19,17 @@ import numpy as np
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.frames import read_depth, read_mask, read_normal
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
+from aerojax.data.exports.annotations import Annotation, annotations
+from aerojax.data.exports.images import place_image, recorded_frames, write_sparse_png
 from aerojax.data.exports.nerfstudio import OPENGL_FROM_OPENCV
-from aerojax.data.exports.observations import (
-    Observation,
-    observations,
-    place_image,
-    recorded_frames,
-    write_sparse_png,
-)
 from aerojax.data.exports.sources import (
     ExportOptions,
     SourceSequence,
-    cam_from_world,
     camera_names,
     require_no_skew,
 )
+from aerojax.geometry.cameras import invert_rigid
 
 BOX_TYPE = np.dtype(
     [
@@ -63,7 +58,7 @@ class _Folder:
         return folder / f"{stem}_{frame:04d}{suffix}"
 
     def write_json(self, annotator: str, stem: str, frame: int, content: Any) -> None:
-        self.path(annotator, stem, frame, ".json").write_text(json.dumps(content))
+        write_json(self.path(annotator, stem, frame, ".json"), content, indent=None)
 
 
 def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, options: ExportOptions) -> dict[str, Any]:
@@ -77,7 +72,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
             place_image(capture, camera_index, frame, rgb, options.images, suffixes=(".png",))
             files.write_json("camera_params", "camera_params", frame, parameters)
             _write_segmentation(capture, camera_index, frame, files)
-            _write_boxes(list(observations(capture, camera_index, frame)), files, frame)
+            _write_boxes(list(annotations(capture, camera_index, frame)), files, frame)
             _write_normals(capture, camera_index, frame, files)
             depth = read_depth(capture, camera_index, frame) if options.depth else None
             if depth is not None:
@@ -120,14 +115,14 @@ def _write_normals(capture: Capture, camera_index: int, frame: int, files: _Fold
     write_sparse_png(files.path("normals", "normals", frame, ".png"), colour)
 
 
-def _write_boxes(seen: list[Observation], files: _Folder, frame: int) -> None:
-    classes = sorted({observation.item.class_name for observation in seen})
+def _write_boxes(seen: list[Annotation], files: _Folder, frame: int) -> None:
+    classes = sorted({annotation.item.class_name for annotation in seen})
     rows = []
-    for observation in seen:
-        x0, y0, x1, y1 = observation.box
+    for annotation in seen:
+        x0, y0, x1, y1 = annotation.box
         corners = int(np.floor(x0)), int(np.floor(y0)), int(np.ceil(x1)) - 1, int(np.ceil(y1)) - 1
-        hidden = -1.0 if observation.visibility is None else 1.0 - observation.visibility
-        rows.append((classes.index(observation.item.class_name), *corners, hidden))
+        hidden = -1.0 if annotation.visibility is None else 1.0 - annotation.visibility
+        rows.append((classes.index(annotation.item.class_name), *corners, hidden))
     kind = "bounding_box_2d_tight"
     np.save(files.path(kind, kind, frame, ".npy"), np.array(rows, dtype=BOX_TYPE))
     files.write_json(kind, f"{kind}_labels", frame, {str(i): {"class": name} for i, name in enumerate(classes)})
@@ -151,7 +146,7 @@ def camera_parameters(camera: CaptureCamera) -> dict[str, Any]:
         [1 - 2 * cx / width, 2 * cy / height - 1, depth, -1.0],
         [0.0, 0.0, depth * far, 0.0],
     ]
-    view = (OPENGL_FROM_OPENCV @ cam_from_world(camera)).T
+    view = (OPENGL_FROM_OPENCV @ invert_rigid(camera.world_from_cam)).T
     return {
         "cameraAperture": [_APERTURE_MM, tall],
         "cameraApertureOffset": [_APERTURE_MM * (0.5 - cx / width), tall * (cy / height - 0.5)],

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-from jaxtyping import Float64
-
-from aerojax.capture.format import Capture, CaptureCamera
+from aerojax.capture.format import Capture
+from aerojax.capture.paths import safe_name
 from aerojax.core.errors import UserError
+from aerojax.core.seeds import number_of
 
 Placement = Literal["copy", "hardlink", "symlink"]
 ReplicatorLayout = Literal["nested", "flat"]
@@ -89,11 +86,6 @@ def _sequence(dataset: Path, folder: Path) -> SourceSequence:
     return SourceSequence(split, safe_name(folder.name), folder)
 
 
-def safe_name(text: str) -> str:
-    """`text` with ASCII letters, digits, dots, hyphens and single underscores only; names joined by `__` stay apart."""
-    return re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9.-]", "_", text)).strip("_.") or "unnamed"
-
-
 def camera_names(capture: Capture) -> tuple[str, ...]:
     """Safe names of a capture's cameras.
 
@@ -111,17 +103,7 @@ def camera_names(capture: Capture) -> tuple[str, ...]:
 
 def stable_id(*parts: object) -> int:
     """A positive id of 52 bits that depends on `parts` alone, not on order, run or size of the data set."""
-    digest = hashlib.blake2b("/".join(map(str, parts)).encode(), digest_size=8).digest()
-    return int.from_bytes(digest, "little") % (2**_ID_BITS - 1) + 1
-
-
-def cam_from_world(camera: CaptureCamera) -> Float64[np.ndarray, "4 4"]:
-    """Inverse of `world_from_cam` in double precision, OpenCV axes."""
-    inverse = np.eye(4)
-    rotation = camera.world_from_cam[:3, :3]
-    inverse[:3, :3] = rotation.T
-    inverse[:3, 3] = -rotation.T @ camera.world_from_cam[:3, 3]
-    return inverse
+    return number_of(*parts) % (2**_ID_BITS - 1) + 1
 
 
 def require_no_skew(capture: Capture, format_name: str) -> None:

@@ -11,27 +11,28 @@ from pathlib import Path
 from typing import Any
 
 from aerojax.capture.format import Capture
+from aerojax.core.files import write_text
 from aerojax.core.types import CLASSES
-from aerojax.data.exports.observations import observations, place_image, recorded_frames
+from aerojax.data.exports.annotations import annotations
+from aerojax.data.exports.images import place_image, recorded_frames
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names
 
 
 def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, options: ExportOptions) -> dict[str, Any]:
     """Place the images of one sequence and write their labels."""
     labels = folder / "labels" / sequence.split
-    labels.mkdir(parents=True, exist_ok=True)
     for camera_index, camera_name in enumerate(camera_names(capture)):
         for frame in recorded_frames(capture, camera_index):
             name = f"{sequence.name}__{camera_name}__{frame:06d}"
             place_image(capture, camera_index, frame, folder / "images" / sequence.split / name, options.images)
-            (labels / f"{name}.txt").write_text(_label_lines(capture, camera_index, frame))
+            write_text(labels / f"{name}.txt", _label_lines(capture, camera_index, frame))
     return {}
 
 
 def _label_lines(capture: Capture, camera_index: int, frame: int) -> str:
     camera = capture.cameras[camera_index]
     text = ""
-    for seen in observations(capture, camera_index, frame):
+    for seen in annotations(capture, camera_index, frame):
         x0, y0, x1, y1 = seen.box
         centre = (x0 + x1) / (2 * camera.width), (y0 + y1) / (2 * camera.height)
         size = (x1 - x0) / camera.width, (y1 - y0) / camera.height
@@ -47,4 +48,4 @@ def finish(folder: Path, parts: Sequence[Path]) -> None:
     lines = [f"train: images/{train}", f"val: images/{val}"]
     lines += [f"{split}: images/{split}" for split in splits if split not in ("train", "val")]
     lines += [f"nc: {len(CLASSES)}", "names:", *(f"  {index}: {name}" for index, name in enumerate(CLASSES))]
-    (folder / "data.yaml").write_text("\n".join(lines) + "\n")
+    write_text(folder / "data.yaml", "\n".join(lines) + "\n")

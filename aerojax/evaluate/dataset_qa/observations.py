@@ -17,6 +17,7 @@ from aerojax.core.types import CLASSES
 from aerojax.data.manifest import SequenceEntry
 from aerojax.evaluate.dataset_qa.boxes import NOWHERE, subpixel_box
 from aerojax.geometry.boxes import tight_box
+from aerojax.geometry.cameras import project_points
 
 _MARGIN = 2  # pixels around the projected box that are looked at for coverage; rounding needs one
 
@@ -145,16 +146,10 @@ def _told(state: ObjectState, camera: CaptureCamera) -> dict[str, Any]:
         "truncated": bool(state.truncated.get(name, False)),
         "visibility": float(state.visibility.get(name, np.nan)),
         "projected_box": np.array(state.projected_box.get(name, NOWHERE)),
-        "surface_pixel": _projected(np.array(state.surface_centroid.get(name, nowhere)), camera),
-        "origin_pixel": _projected(position, camera),
+        "surface_pixel": project_points(np.array(state.surface_centroid.get(name, nowhere)), camera, behind=np.nan),
+        "origin_pixel": project_points(position, camera, behind=np.nan),
         "position": position,
     }
-
-
-def _projected(point: Float[np.ndarray, "3"], camera: CaptureCamera) -> Float[np.ndarray, "2"]:
-    """Pixel of a world point in double precision (thesis Eq. 3.1); NaN behind the camera."""
-    x = camera.world_from_cam[:3, :3].T @ (point - camera.world_from_cam[:3, 3])
-    return (camera.K[:2] @ x) / x[2] if x[2] > 0 else np.full(2, np.nan)
 
 
 def _measured(

@@ -1,83 +1,30 @@
-"""What each camera saw of each object, frame by frame, and the images that it took."""
+"""Images of a capture in an export: placed as they are where a format can take them, written anew where not."""
 
 from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8, UInt16
+from jaxtyping import UInt8, UInt16
 
 from aerojax.capture.codecs.png import encode_png
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_mask, read_rgb, source_frame
 from aerojax.capture.paths import RGB_SUFFIXES, is_video, locate
-from aerojax.capture.truth import ObjectState, TrackedObject
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_bytes
 from aerojax.data.exports.sources import Placement
 from aerojax.geometry.boxes import tight_box
 
 _PNG_LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, 3]  # twice the speed of the default for a tenth more bytes
 
 
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """One object in one image.
-
-    item, state: the object and its state in this frame.
-    box: x0 y0 x1 y1 in pixels of the undistorted image, ends exclusive, clipped to the image.
-    visibility: share of the object's own pixels that nothing hides, or None where the truth does not say.
-    truncated: whether the object reaches beyond the image, or None.
-    whole_box: box of the whole object, what is hidden or beyond the image included, or None.
-    """
-
-    item: TrackedObject
-    state: ObjectState
-    box: tuple[float, float, float, float]
-    visibility: float | None
-    truncated: bool | None
-    whole_box: tuple[float, float, float, float] | None
-
-
 def recorded_frames(capture: Capture, camera_index: int) -> list[int]:
     """The capture's frames that this camera has an image of (all of them without an offset of its clock)."""
     return [frame for frame in range(capture.frames) if source_frame(capture, camera_index, frame) is not None]
-
-
-def observations(capture: Capture, camera_index: int, frame: int) -> Iterator[Observation]:
-    """Objects that the truth says are visible in an image, in the truth's order.
-
-    Raises:
-        UserError: the capture has no truth.
-    """
-    if capture.truth is None:
-        raise UserError(
-            "missing", f"{capture.folder}: has no truth.json, so there is nothing to annotate", "add it to the capture"
-        )
-    camera = capture.cameras[camera_index]
-    for item in capture.truth.objects:
-        state = item.frames[frame]
-        if not state.visible.get(camera.name, False):
-            continue
-        x0, y0, x1, y1 = state.bbox[camera.name]
-        box = max(x0, 0.0), max(y0, 0.0), min(x1, float(camera.width)), min(y1, float(camera.height))
-        if box[0] < box[2] and box[1] < box[3]:
-            visibility, truncated = state.visibility.get(camera.name), state.truncated.get(camera.name)
-            yield Observation(item, state, box, visibility, truncated, state.projected_box.get(camera.name))
-
-
-def object_pixels(
-    mask: UInt16[np.ndarray, "height width"] | None, observation: Observation
-) -> Bool[np.ndarray, "height width"] | None:
-    """The pixels of one object, or None where there is no mask or it has none."""
-    if mask is None:
-        return None
-    pixels = mask == observation.item.object_id
-    return pixels if pixels.any() else None
 
 
 def place_image(
@@ -117,7 +64,7 @@ def place_image(
     rgb = read_rgb(capture, camera_index, frame)
     assert rgb is not None
     pixels = cv2.cvtColor(np.round(rgb * 255.0).astype(np.uint8), cv2.COLOR_RGB2BGR)
-    path.write_bytes(cv2.imencode(".png", pixels, _PNG_LEVEL)[1].tobytes())
+    write_bytes(path, cv2.imencode(".png", pixels, _PNG_LEVEL)[1].tobytes())
     return path
 
 
@@ -148,5 +95,4 @@ def write_sparse_png(path: Path, image: UInt8[np.ndarray, "*shape"] | UInt16[np.
     height, width, count = channels.shape
     box = tight_box(np.any(channels, axis=-1)) or (0.0, 0.0, 0.0, 0.0)
     x0, y0, x1, y1 = (int(side) for side in box)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(encode_png(channels[y0:y1, x0:x1], (x0, y0), (width, height), (0,) * count))
+    write_bytes(path, encode_png(channels[y0:y1, x0:x1], (x0, y0), (width, height), (0,) * count))
