@@ -10,21 +10,24 @@ import json
 from dataclasses import dataclass, replace
 from typing import Any
 
-import jax
 import numpy as np
 from rich.console import Console
 
+from aerojax.classify.base import Classifier, parameter_count, with_card
+from aerojax.classify.load import load_classifier
+from aerojax.core.files import write_json
+from aerojax.data.windows import Windows, read_windows
+from aerojax.evaluate.answers import prefix_log_probabilities
 from aerojax.evaluate.comparison import RESULT
 from aerojax.evaluate.labels import label_figures
-from aerojax.evaluate.rotation_figures import Reading, figures_of, read_all
+from aerojax.evaluate.rotation_trials import RotationTrials, all_answers, figures_of
 from aerojax.evaluate.rotations import draw_rotations, protocols_of
-from aerojax.evaluate.windows import Classifier, Windows, read_classifier, read_prefixes, read_windows
-from experiments import train_classifier
-from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.classifier_training import ClassifierTraining, train_and_keep
+from experiments._launch.command import Run, experiment, provenance
 
 
 @dataclass(frozen=True, kw_only=True)
-class WindowReading(Reading):
+class WindowTrials(RotationTrials):
     """How test clips are read.
 
     window: frames of a test window.
@@ -36,15 +39,15 @@ class WindowReading(Reading):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(train_classifier.Config):
+class Config(ClassifierTraining):
     """A training run and how its weights are tested.
 
     classifier: name of the row in the table, an option of conf/classifier.
-    reading: the same for every classifier, whatever it was trained on.
+    test: the same for every classifier, whatever it was trained on.
     """
 
     classifier: str
-    reading: WindowReading
+    test: WindowTrials
 
 
 def last_frames(windows: Windows) -> Windows:
@@ -55,27 +58,27 @@ def last_frames(windows: Windows) -> Windows:
     return replace(windows, columns=columns, present=present)
 
 
-def _accuracy_of_last_frames(classifier: Classifier, test: Windows, readings: int) -> float:
+def _accuracy_of_last_frames(classifier: Classifier, test: Windows) -> float:
     alone = last_frames(test)
     still = np.stack([draw_rotations(name, "none", frames=1, seed=0, trial=0) for name in alone.name])
-    answers = read_prefixes(classifier, alone, still, readings=readings)[:, -1]
+    answers = prefix_log_probabilities(classifier, alone, still)[:, -1]
     return label_figures(answers, alone.label)["accuracy"]
 
 
 def examine(classifier: Classifier, config: Config) -> dict[str, Any]:
     """Accuracy under the five protocols, of whole windows and of their last frames alone, JSON-ready."""
-    reading = config.reading
-    tokens = classifier.tokens * reading.readings
-    size = {"frames": config.frames, "length": reading.window, "stride": reading.stride, "tokens": tokens}
+    plan = config.test
+    tokens = classifier.card.tokens * plan.token_ensembles
+    size = {"frames": config.frames, "length": plan.window, "stride": plan.stride, "tokens": tokens}
     test, val = (read_windows(config.clips, split, **size) for split in ("test", "val"))
-    figures = figures_of(read_all(classifier, test, val, reading, lambda: None), test, reading)
+    figures = figures_of(all_answers(classifier, test, val, plan, lambda done, total, what: None), test, plan)
     protocols = {
         p.name: {"test": p.test}
         | {key: figures["rotations"][p.test][key]["mean"] for key in ("clip_accuracy", "video_accuracy")}
-        for p in protocols_of(classifier.rotation, exactly_invariant=classifier.model.config.variant == "exact")
+        for p in protocols_of(classifier.card.rotation, exactly_invariant=classifier.card.rotation_invariant)
     }
     clip = figures["rotations"]["none"]["clip_accuracy"]["mean"]
-    last = _accuracy_of_last_frames(classifier, test, reading.readings)
+    last = _accuracy_of_last_frames(with_card(classifier, token_ensembles=plan.token_ensembles), test)
     sizes = {"windows": len(test.label), "identities": len(set(test.identity))}
     return {"protocols": protocols, "clip": clip, "last_frame": last, "gain": clip - last, **sizes, "figures": figures}
 
@@ -85,14 +88,14 @@ def main(config: Config, run: Run) -> None:
     """Train one classifier, or go on with it, and write its figures."""
     metrics = run.directory / "metrics.json"
     if not metrics.is_file():
-        train_classifier.train(config, run)
+        train_and_keep(config, run)
     trained = json.loads(metrics.read_text())
-    classifier = read_classifier(run.directory / "weights.safetensors")
+    classifier = load_classifier(run.directory / "weights.safetensors")
     results = examine(classifier, config)
-    model = classifier.model.config
-    head = {"classifier": config.classifier, "mode": model.mode, "bridge": model.bridge, "temporal": model.temporal}
-    head |= {"parameters": sum(leaf.size for leaf in jax.tree.leaves(classifier.model)), "seed": config.seed}
-    head |= {"trained": classifier.rotation, "minutes": trained["minutes"]}
+    model = dict(classifier.card.config)
+    head = {"classifier": config.classifier, **{name: model[name] for name in ("mode", "bridge", "temporal")}}
+    head |= {"parameters": parameter_count(classifier.network), "seed": config.seed}
+    head |= {"trained": classifier.card.rotation, "minutes": trained["minutes"]}
     write_json(run.directory / RESULT, {**head, **results, **provenance(run.overrides)})
     Console().print(
         f"{config.classifier}, seed {config.seed}: clips {100 * results['clip']:.1f} %, "

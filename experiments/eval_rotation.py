@@ -9,22 +9,25 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from aerojax.classify.base import Classifier
+from aerojax.classify.card import TrainRotation
+from aerojax.classify.load import load_classifier
+from aerojax.core.files import write_json
 from aerojax.core.types import CLASSES
+from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.bootstrap import accuracy, paired_interval
-from aerojax.evaluate.rotation_figures import Answers, Reading, figures_of, passes, read_all, video_confusions
-from aerojax.evaluate.rotations import TEST_ROTATIONS, TrainRotation, protocols_of
-from aerojax.evaluate.windows import Classifier, Windows, read_classifier, read_windows
-from experiments._launch.command import Run, experiment, provenance, write_json
+from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answers, figures_of, video_confusions
+from aerojax.evaluate.rotations import TEST_ROTATIONS, protocols_of
+from experiments._launch.command import Run, experiment, provenance
 from experiments._launch.progress import progress_bar
-from experiments.classify import PRETRAINED
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(Reading):
+class Config(RotationTrials):
     """Which models on which clips.
 
     model: weights; the shipped ones if None. against: further weights to compare with on the same rotations.
-    trained: rotation of the training clips; what the weights say if None.
+    trained: rotation of the training clips; what the card says if None.
     clips: folders of `reconstruct_dataset`, one a rig; split: the one that is tested (temperature is fitted on val).
     frames: clips are cut to so many. window: frames of a window; as in training if None. stride: between windows.
     """
@@ -41,16 +44,19 @@ class Config(Reading):
 
 
 def _windows(config: Config, classifier: Classifier, split: str) -> Windows:
-    length, tokens = config.window or classifier.frames, classifier.tokens * config.readings
+    length, tokens = config.window or classifier.card.frames, classifier.card.tokens * config.token_ensembles
     return read_windows(config.clips, split, frames=config.frames, length=length, stride=config.stride, tokens=tokens)
 
 
-def _ask(config: Config, path: Path) -> tuple[Classifier, Windows, Answers]:
-    classifier = read_classifier(path)
+def _ask(config: Config, classifier: Classifier) -> tuple[Windows, Answers]:
     test, val = _windows(config, classifier, config.split), _windows(config, classifier, "val")
     with progress_bar() as bar:
-        task = bar.add_task(f"{len(test.label)} windows", total=passes(config))
-        return classifier, test, read_all(classifier, test, val, config, lambda: bar.advance(task))
+        task = bar.add_task("windows", total=None)
+
+        def show(done: int, total: int, what: str) -> None:
+            bar.update(task, completed=done, total=total, description=what)
+
+        return test, all_answers(classifier, test, val, config, show)
 
 
 def _show(console: Console, figures: dict[str, Any]) -> None:
@@ -74,12 +80,17 @@ def _show(console: Console, figures: dict[str, Any]) -> None:
     console.print(f"with frames shuffled: {100 * figures['shuffled_frames']['clip']['accuracy']:.1f}")
 
 
-def _measure(config: Config, path: Path) -> tuple[dict[str, Any], Windows, Answers]:
-    classifier, test, answers = _ask(config, path)
-    trained = config.trained or classifier.rotation
-    exact = classifier.model.config.variant == "exact"
+def _measure(config: Config, path: Path | None) -> tuple[dict[str, Any], Windows, Answers]:
+    classifier = load_classifier(path)
+    test, answers = _ask(config, classifier)
+    trained, exact = config.trained or classifier.card.rotation, classifier.card.rotation_invariant
     protocols = {p.name: p.test for p in protocols_of(trained, exactly_invariant=exact)}
-    figures = {"model": str(path), "trained": trained, "exactly_invariant": exact, "protocols": protocols}
+    figures = {
+        "model": str(path or classifier.card.name),
+        "trained": trained,
+        "exactly_invariant": exact,
+        "protocols": protocols,
+    }
     return figures | figures_of(answers, test, config), test, answers
 
 
@@ -87,7 +98,7 @@ def _measure(config: Config, path: Path) -> tuple[dict[str, Any], Windows, Answe
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a protocol."""
     console = Console()
-    figures, test, answers = _measure(config, config.model or PRETRAINED)
+    figures, test, answers = _measure(config, config.model)
     _show(console, figures)
     sizes = {"windows": len(test.label), "videos": len(test.one_a_video()), "identities": len(set(test.identity))}
     command = " ".join(["python -m experiments.eval_rotation", *run.overrides])

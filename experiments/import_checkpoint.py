@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
 
+from aerojax.classify.base import untrained_card
+from aerojax.classify.load import save_classifier
+from aerojax.classify.mambasplat.classifier import MambaSplatClassifier
 from aerojax.classify.released.checkpoint import import_checkpoint
-from aerojax.classify.weights import save_weights
 from aerojax.core.config import to_mapping
-from experiments._launch.command import Run, experiment, provenance, write_json
+from aerojax.core.files import sha256_of_file, write_json
+from experiments._launch.command import Run, experiment, provenance
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,11 @@ class Config:
 def main(config: Config, run: Run) -> None:
     """Checkpoint in, safetensors out."""
     imported = import_checkpoint(config.checkpoint, heads=config.heads)
-    digest = hashlib.sha256(config.checkpoint.read_bytes()).hexdigest()
+    digest = sha256_of_file(config.checkpoint)
     origin = {"file": config.checkpoint.name, "sha256": digest, "commit": provenance()["commit"]}
-    notes = {"reading": {"tokens": config.tokens, "frames": config.frames}, "imported": origin}
-    config.out.parent.mkdir(parents=True, exist_ok=True)
-    save_weights(config.out, imported.model, metadata={name: json.dumps(value) for name, value in notes.items()})
+    card = untrained_card(imported.model.config, tokens=config.tokens, frames=config.frames)
+    card = replace(card, record=json.dumps({"imported": origin}))
+    save_classifier(config.out, MambaSplatClassifier(imported.model, card))
     found = {"config": to_mapping(imported.model.config), "unused": imported.unused}
     write_json(run.directory / "metrics.json", {"weights": str(config.out), **origin, **found})
     kind = imported.model.config

@@ -11,13 +11,14 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from aerojax.classify.base import Trainable, untrained
+from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
-from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.core.files import write_json
+from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.drift_passes import relabelling_drift, rotation_drift
-from aerojax.evaluate.windows import Windows, read_classifier, read_windows
-from experiments._launch.command import Run, experiment, provenance, write_json
+from experiments._launch.command import Run, experiment, provenance
 from experiments._launch.progress import progress_bar
-from experiments.classify import PRETRAINED
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,17 @@ class Config:
     double: int
 
 
-def _models(config: Config) -> dict[str, MambaSplat]:
-    paths = config.model or (() if config.mode else (PRETRAINED,))
-    models = {str(path): read_classifier(path).model for path in paths}
+def _models(config: Config) -> dict[str, Trainable]:
+    models = {str(path): load_classifier(path) for path in config.model}
+    if not models and not config.mode:
+        shipped = load_classifier()
+        models = {shipped.card.name: shipped}
     for mode in config.mode:
         exact = config.variant == "exact"
         made = MambaSplatConfig(mode=mode, lifting=config.lifting) if exact else published_config(mode)
-        models |= {f"untrained {mode} {seed}": MambaSplat(made, key=jax.random.key(seed)) for seed in config.seeds}
+        for seed in config.seeds:
+            key = jax.random.key(seed)
+            models[f"untrained {mode} {seed}"] = untrained(made, tokens=config.tokens, frames=config.frames, key=key)
     return models
 
 
@@ -67,8 +72,9 @@ def _clips(config: Config) -> Windows:
     return Windows(*arrays, tuple(n for n, _ in names), tuple(i for _, i in names))
 
 
-def _measure(model: MambaSplat, windows: Windows, config: Config) -> dict[str, Any]:
-    kind = {"mode": model.config.mode, "variant": model.config.variant, "lifting": model.config.lifting}
+def _measure(model: Trainable, windows: Windows, config: Config) -> dict[str, Any]:
+    made = dict(model.card.config)
+    kind = {name: made[name] for name in ("mode", "variant", "lifting")}
     rotation = rotation_drift(model, windows, config.rotations, seed=config.seed)
     double = rotation_drift(model, windows, config.double, seed=config.seed, double=True)
     relabelling = relabelling_drift(model, windows, seed=config.seed)

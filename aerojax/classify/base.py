@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
@@ -95,39 +96,38 @@ class Trainable(Classifier, Protocol):
 
 
 @dataclass(frozen=True)
-class ClassifierConfig:
-    """What an untrained classifier is made of; members have a field `name`, by which they are chosen."""
+class ClassifierConfig(ABC):
+    """Configuration of a member, chosen by its name: `classify=mambasplat`."""
 
     members: ClassVar[str] = "aerojax.classify.members"
 
+    @abstractmethod
     def build(self, card: Card, *, key: Key[Array, ""]) -> Trainable:
         """A classifier with random weights and the given card."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def label(self) -> str:
         """A short name for people."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def rotation_invariant(self) -> bool:
         """Whether no rotation of the world changes the logits, whatever the weights."""
-        raise NotImplementedError
 
 
-def untrained(
+def untrained_card(
     config: ClassifierConfig,
     *,
     tokens: int,
     frames: int,
-    key: Key[Array, ""],
     token_ensembles: int = 4,
     rotation: TrainRotation = "none",
     settings: Settings = (),
-) -> Trainable:
-    """A classifier with random weights and the card that its training will begin with; see `Card` for the arguments."""
+) -> Card:
+    """The card that the training of a classifier begins with; see `Card` for the arguments."""
     values = dict(flat_settings(to_mapping(config)))
-    card = Card(
+    return Card(
         name=config.label,
         member=str(values.pop("name")),
         config=tuple(sorted(values.items())),
@@ -140,7 +140,11 @@ def untrained(
         rotation=rotation,
         settings=settings,
     )
-    return config.build(card, key=key)
+
+
+def untrained(config: ClassifierConfig, *, key: Key[Array, ""], **card: Any) -> Trainable:
+    """A classifier with random weights and the card of `untrained_card`, which `card` are the arguments of."""
+    return config.build(untrained_card(config, **card), key=key)
 
 
 _C = TypeVar("_C", bound=Classifier)

@@ -58,11 +58,9 @@ class Card:
         """
         for name in ("tokens", "frames", "token_ensembles"):
             if getattr(self, name) < 1:
-                raise UserError("invalid", f"{name} is {getattr(self, name)} in a classifier's card", "at least 1")
-        if self.rotation not in get_args(TrainRotation):
-            raise UserError(
-                "invalid", f"rotation is {self.rotation!r} in a classifier's card", "one of none, z and so3"
-            )
+                raise UserError(
+                    "invalid", f"{name} is {getattr(self, name)} in a classifier's card", "it must be at least 1"
+                )
 
     def require(self, settings: Mapping[str, Setting]) -> None:
         """Refuse a running pipeline that makes other Gaussians than the classifier was trained on.

@@ -8,13 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from hydra.experimental.callback import Callback
-from hydra.types import RunMode
-from omegaconf import DictConfig
-from rich.console import Console
 
+from aerojax.core.files import write_json, write_text
 from aerojax.evaluate.rotations import PROTOCOLS
-from experiments._launch.command import write_json
 
 RESULT = "comparison.json"
 """What a run of `compare_classifiers` writes last."""
@@ -97,23 +93,5 @@ def write_table(folder: Path) -> str:
     write_json(
         folder / "table.json", {"runs": len(runs), "rows": rows, "commits": sorted({str(r["commit"]) for r in runs})}
     )
-    temporary = folder / "table.md.tmp"
-    temporary.write_text(table_markdown(rows))
-    temporary.replace(folder / "table.md")
+    write_text(folder / "table.md", table_markdown(rows))
     return table_markdown(rows)
-
-
-class TableKeeper(Callback):
-    """Hydra's callback that keeps the table of a sweep's directory up to date, run by run."""
-
-    def on_job_end(self, config: DictConfig, job_return: Any, **kwargs: Any) -> None:
-        """After each run of a sweep."""
-        if config.hydra.mode == RunMode.MULTIRUN:
-            write_table(Path(config.hydra.sweep.dir))
-
-    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """After the last run, also where all were finished before."""
-        folder = Path(config.hydra.sweep.dir)
-        console = Console()
-        console.print(write_table(folder), markup=False, soft_wrap=True)
-        console.print(str(folder / "table.md"), soft_wrap=True)

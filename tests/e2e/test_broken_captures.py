@@ -11,9 +11,9 @@ import pytest
 from support.broken_captures import BROKEN, EXPECTED
 from support.command_line import run_command
 
+from aerojax.classify.base import untrained
+from aerojax.classify.load import save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
-from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.classify.weights import save_weights
 from experiments import classify
 from experiments._launch.command import REPOSITORY
 
@@ -24,8 +24,8 @@ AS_PROCESSES = ("no_capture_json", "pose_sheared", "rgb_cut")
 def weights(tmp_path_factory) -> Path:
     """A small untrained classifier: the capture is refused before it is asked."""
     path = tmp_path_factory.mktemp("weights") / "small.safetensors"
-    model = MambaSplat(MambaSplatConfig(d_model=16, depth=1, mamba_layers=1), key=jax.random.key(0))
-    save_weights(path, model, {"reading": '{"tokens": 16, "frames": 4}'})
+    config = MambaSplatConfig(d_model=16, depth=1, mamba_layers=1)
+    save_classifier(path, untrained(config, tokens=16, frames=4, key=jax.random.key(0)))
     return path
 
 

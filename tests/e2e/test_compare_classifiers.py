@@ -11,8 +11,8 @@ from support.clip_examples import random_clip
 from support.command_line import run_command
 
 from aerojax.core.types import CLASSES
+from aerojax.data.clips import save_clip
 from aerojax.evaluate.rotations import PROTOCOLS
-from aerojax.training.variation import save_clip
 from experiments import compare_classifiers
 
 
@@ -28,7 +28,7 @@ def clips(tmp_path_factory) -> Path:
 
 
 def compare(monkeypatch, folder: Path, clips: Path, *overrides: str) -> None:
-    data = (f"clips=[{clips}]", "also_test=[]", f"reading.rotations={folder}/rotations", "variation.tokens=16")
+    data = (f"clips=[{clips}]", "also_test=[]", f"test.rotations={folder}/rotations", "variation.tokens=16")
     which = ("classifier=E_C,E_X_last_frame", "seed=0", f"hydra.sweep.dir={folder}/sweep")
     run_command(compare_classifiers, monkeypatch, "-m", "preset=smoke", *which, *data, *overrides)
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from support.command_line import run_command
 
-from aerojax.classify.weights import load_metadata, load_weights
+from aerojax.classify.load import load_classifier
 from aerojax.core.types import CLASSES
-from aerojax.evaluate.clip_reading import predict
-from aerojax.training.variation import load_clips
+from aerojax.data.clips import load_clips
+from aerojax.evaluate.answers import log_probabilities
 from experiments import classify, generate_dataset, reconstruct_dataset, train_classifier
 
 
@@ -85,11 +85,12 @@ def test_training_writes_weights_that_read_back(trained, clips):
     results = json.loads((trained / "metrics.json").read_text())
     assert results["clips"] == [str(clips)] and results["test"]["clips"] == 4
     assert len((trained / "history.jsonl").read_text().splitlines()) == 1
-    weights = trained / "weights.safetensors"
-    model, notes = load_weights(weights), load_metadata(weights)
-    assert json.loads(notes["reading"]) == {"tokens": 32, "frames": 4, "rotation": "none"}
+    classifier = load_classifier(trained / "weights.safetensors")
+    card = classifier.card
+    assert (card.tokens, card.frames, card.rotation, card.token_ensembles) == (32, 4, "none", 4)
+    assert dict(card.settings)["crop_size"] and json.loads(card.record)["seed"] == 0
     test = load_clips(clips / "test", frames=4)
-    again = predict(model, test, 32, readings=4)
+    again = log_probabilities(classifier, test)
     nll = -again[np.arange(4), test.label].mean()
     assert nll == pytest.approx(results["test"]["nll"], rel=1e-4)
     assert bool(jnp.isfinite(jnp.asarray(again)).all())

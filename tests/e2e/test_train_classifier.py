@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 from support.clip_examples import random_clip
 
-from aerojax.classify.weights import load_metadata, load_weights
+from aerojax.classify.load import load_classifier
 from aerojax.core.types import CLASSES
+from aerojax.data.clips import save_clip
 from aerojax.training.checkpoint import latest_step
-from aerojax.training.variation import save_clip
 
 ROOT = Path(__file__).resolve().parents[2]
 EPOCHS, STEPS = 6, 4
@@ -81,8 +81,9 @@ def whole(place) -> str:
 def test_a_run_tells_early_how_it_goes_and_leaves_its_origin(whole, place):
     assert f"step 1 of {EPOCHS * STEPS}: loss" in whole and "steps/s" in whole and "min left" in whole
     assert losses(place, "whole").shape == (EPOCHS,)
-    notes = {k: json.loads(v) for k, v in load_metadata(place / "whole/weights.safetensors").items()}
-    assert notes["reading"] == {"tokens": 16, "frames": 4, "rotation": "none"}
+    card = load_classifier(place / "whole/weights.safetensors").card
+    assert (card.tokens, card.frames, card.rotation) == (16, 4, "none")
+    notes = json.loads(card.record)
     assert notes["trained"]["training"]["epochs"] == EPOCHS and notes["trained"]["variation"]["tokens"] == 16
     assert "never turned" in (place / "whole/weights.md").read_text()
     assert [path.name.startswith("events") for path in (place / "whole/curves").iterdir()] == [True]
@@ -103,7 +104,7 @@ def test_a_killed_process_ends_with_the_same_bits(whole, place):
         assert not (place / "killed/metrics.json").exists()
     end(begin(place, "killed"))
     assert (place / "killed/history.jsonl").read_bytes() == (place / "whole/history.jsonl").read_bytes()
-    ours, theirs = (load_weights(place / name / "weights.safetensors") for name in ("killed", "whole"))
+    ours, theirs = (load_classifier(place / name / "weights.safetensors").network for name in ("killed", "whole"))
     assert all(np.array_equal(a, b) for a, b in zip(jax.tree.leaves(ours), jax.tree.leaves(theirs), strict=True))
     tests = [json.loads((place / name / "metrics.json").read_text())["tests"] for name in ("killed", "whole")]
     assert tests[0] == tests[1]

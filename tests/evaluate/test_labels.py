@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aerojax.classify.voting import video_vote
+from aerojax.evaluate.answers import video_vote
 from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity, paired_interval
 from aerojax.evaluate.calibration import (
     BLUNTEST,

@@ -11,11 +11,11 @@ from support.command_line import run_command
 from support.released_weights import recipe_tensors
 from support.torch_files import write_archive, write_stream
 
+from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import published_config
 from aerojax.classify.mambasplat.mamba import sinusoids
 from aerojax.classify.released.checkpoint import import_checkpoint, infer_config
 from aerojax.classify.released.tensor_names import POSITIONS
-from aerojax.classify.weights import load_metadata, load_weights
 from aerojax.core.errors import UserError
 from experiments import import_checkpoint as act
 
@@ -43,9 +43,13 @@ def test_the_act_makes_weights_that_give_the_stored_logits(shared, state_dict, t
     out = tmp_path / "made/x.safetensors"
     arguments = (f"checkpoint={tmp_path / 'best_model.pt'}", f"out={out}", f"hydra.run.dir={tmp_path}/run")
     run_command(act, monkeypatch, *arguments)
-    model = load_weights(out)
-    np.testing.assert_allclose(_forward(model, golden["x"], golden["mask"]), golden["f64/logits"], atol=2e-4, rtol=0)
-    assert json.loads(load_metadata(out)["reading"]) == {"tokens": 512, "frames": 16}
+    classifier = load_classifier(out)
+    np.testing.assert_allclose(
+        _forward(classifier.network, golden["x"], golden["mask"]), golden["f64/logits"], atol=2e-4, rtol=0
+    )
+    card = classifier.card
+    assert (card.tokens, card.frames, card.rotation_invariant) == (512, 16, False)
+    assert json.loads(card.record)["imported"]["file"] == "best_model.pt"
     metrics = json.loads((tmp_path / "run/metrics.json").read_text())
     assert len([name for name in metrics["unused"] if name.startswith("bridge.")]) == 11
     assert metrics["config"]["mode"] == "X" and POSITIONS in metrics["unused"]

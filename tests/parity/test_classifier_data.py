@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aerojax.classify.mambasplat.lifting import normalise_published
-from aerojax.classify.voting import video_vote
+from aerojax.classify.released.normalisation import normalise_published
+from aerojax.evaluate.answers import video_vote
 from aerojax.geometry.rotations import canonical_sign, normalise
 from aerojax.training.loop import smoothed_cross_entropy
 from kernels.sampling.farthest_points import farthest_points

@@ -12,8 +12,8 @@ import pytest
 from aerojax.classify.mambasplat.config import published_config
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.classify.released.tensor_names import published_tensors
-from aerojax.classify.voting import window_starts
 from aerojax.core.types import Gaussians
+from aerojax.data.windows import window_starts
 from aerojax.gaussians.rotate import rotate
 from aerojax.geometry.rotations import canonical_sign
 from aerojax.training.optimisers import OptimiserConfig, decays, learning_rate

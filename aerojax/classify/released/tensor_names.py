@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from aerojax.classify.base import parameter_names
 from aerojax.classify.mambasplat.config import MambaSplatConfig, uses_shape
 from aerojax.classify.mambasplat.mamba import sinusoids
 from aerojax.classify.mambasplat.model import MambaSplat
@@ -79,12 +80,6 @@ _STACKS = {
 }
 
 
-def parameter_paths(model: Any) -> list[tuple[str, Any]]:
-    """Dotted names and leaves of a model, or of a tree shaped like one (its gradient, its shapes)."""
-    leaves = jax.tree_util.tree_leaves_with_path(model)
-    return [(jax.tree_util.keystr(p, simple=True, separator=".").removesuffix(".value"), leaf) for p, leaf in leaves]
-
-
 def _published_names(path: str, leaf: Any, config: MambaSplatConfig) -> list[str]:
     """The published name of one of our leaves; one name a layer for stacked leaves."""
     for prefix, (published, names) in _STACKS.items():
@@ -121,7 +116,7 @@ def published_tensors(model: MambaSplat) -> dict[str, Any]:
             "out-of-range", "variant is 'exact' in this model", "only variant 'published' has released tensor names"
         )
     tensors: dict[str, Any] = {}
-    for path, leaf in parameter_paths(model):
+    for path, leaf in parameter_names(model):
         names = _published_names(path, leaf, model.config)
         values = leaf if path.startswith(tuple(_STACKS)) else leaf[None]
         tensors |= {name: _to_published(name, value) for name, value in zip(names, values, strict=True)}
@@ -141,7 +136,7 @@ def model_from_published(tensors: Mapping[str, np.ndarray], config: MambaSplatCo
     given = {name.removeprefix(COMPILED_PREFIX): value for name, value in tensors.items()}
     shapes = jax.eval_shape(lambda key: MambaSplat(config, key=key), jax.random.key(0))
     leaves, wanted, problems = [], set[str](), list[str]()
-    for path, leaf in parameter_paths(shapes):
+    for path, leaf in parameter_names(shapes):
         stacked = path.startswith(tuple(_STACKS))
         shape = leaf.shape[1:] if stacked else leaf.shape
         names = _published_names(path, leaf, config)

@@ -1,25 +1,24 @@
-"""What it means to train MambaSplat-4D on clips: how a batch is drawn, its loss, and what validation counts."""
+"""What it means to train a classifier on clips: how a batch is drawn, its loss, and what validation counts."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Key
 
-from aerojax.classify.mambasplat.config import MambaSplatConfig
-from aerojax.classify.released.normalisation import normalise_published
-from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.evaluate.clip_reading import predict
+from aerojax.classify.base import Classifier, ClassifierConfig, Trainable, untrained, with_card
+from aerojax.classify.card import Settings
+from aerojax.data.clips import ClipSet
+from aerojax.evaluate.answers import TEST_ENSEMBLES, log_probabilities
 from aerojax.evaluate.labels import label_figures
 from aerojax.training.distribution import own_share
-from aerojax.training.loop import Fit, TrainingConfig, smoothed_cross_entropy
-from aerojax.training.variation import ClipSet, VariationConfig, epoch_order, vary_clip
+from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
+from aerojax.training.variation import VariationConfig, epoch_order, vary_clip
 
 
 @dataclass(frozen=True)
@@ -32,27 +31,28 @@ class ClipTask:
     training: TrainingConfig
     seed: int
 
-    def loss(self, model: MambaSplat, batch: Any, keys: Key[Array, "clip"]) -> Float[Array, ""]:
-        """Mean smoothed cross entropy of varied clips; batch = (columns, present, label)."""
+    def loss(self, classifier: Trainable, batch: Any, keys: Key[Array, "clip"]) -> Float[Array, ""]:
+        """Mean smoothed cross entropy of prepared and varied clips; batch = (columns, present, label)."""
 
         def logits(columns: Array, present: Array, key: Array) -> Array:
             vary, drop = jax.random.split(key)
-            clip, mask = vary_clip(columns, present, self.variation, key=vary)
-            return model(clip, mask, key=drop)
+            clip, mask = vary_clip(classifier.prepare(columns), present, self.variation, key=vary)
+            return classifier.logits(clip, mask, key=drop)
 
         columns, present, label = batch
         found = jax.vmap(logits)(columns, present, keys)
         return jnp.mean(smoothed_cross_entropy(found, label, self.training.label_smoothing))
 
-    def batches(self, epoch: int, train: ClipSet) -> Iterator[Any]:
+    def batches(self, epoch: int) -> Iterator[Any]:
         """This process' share of each batch of an epoch."""
-        for index in epoch_order(len(train.label), self.training.batch, seed=self.seed, epoch=epoch):
+        for index in epoch_order(len(self.train.label), self.training.batch, seed=self.seed, epoch=epoch):
             share = own_share(index)
-            yield train.columns[share], train.present[share], train.label[share]
+            yield self.train.columns[share], self.train.present[share], self.train.label[share]
 
-    def validate(self, model: MambaSplat) -> dict[str, float]:
-        """Figures of whole validation clips, read as the pipeline reads them."""
-        figures = label_figures(predict(model, self.val, self.variation.tokens), self.val.label)
+    def validate(self, classifier: Classifier) -> dict[str, float]:
+        """Figures of whole validation clips, each frame read by its first tokens alone."""
+        answers = log_probabilities(with_card(classifier, token_ensembles=1), self.val)
+        figures = label_figures(answers, self.val.label)
         # Accuracy of a few dozen clips is coarse; the likelihood breaks its ties.
         score = figures["accuracy"] - 0.1 * figures["nll"]
         return {"accuracy": figures["accuracy"], "nll": figures["nll"], "score": score}
@@ -62,15 +62,40 @@ class ClipTask:
         """Whole batches of the training clips."""
         return len(self.train.label) // self.training.batch
 
-    def fit_task(self, model: MambaSplat, watch: Callable[..., None], report: Callable[..., None]) -> Fit:
-        """The task for `fit`, for models of this one's kind."""
-        batches = partial(self.batches, train=as_trained_on(model.config, self.train))
-        return Fit(self.loss, batches, self.steps_per_epoch, self.validate, report, watch)
 
+def train_classifier(
+    model: ClassifierConfig,
+    task: ClipTask,
+    *,
+    settings: Settings,
+    directory: Path,
+    report: Callable[[dict[str, float]], None],
+    watch: Callable[[int, dict[str, float]], None],
+) -> Trainable:
+    """Train a classifier, or go on with the run that the directory holds.
 
-def as_trained_on(config: MambaSplatConfig, clips: ClipSet) -> ClipSet:
-    """Metric clips for the exact variant; for the published one each whole frame normalised before it is varied."""
-    if config.variant == "exact":
-        return clips
-    normalise = jax.jit(jax.vmap(normalise_published))
-    return replace(clips, columns=np.stack([np.asarray(normalise(clip)) for clip in clips.columns]))
+    Args:
+        model: what is trained; its weights are drawn by the task's seed.
+        task: clips, variation and optimisation.
+        settings: of the pipeline that made the clips, for the card.
+        directory: of checkpoints and history.
+        report: called with the figures of each epoch.
+        watch: called with each step's number and figures.
+
+    Returns:
+        The classifier with the best validation score; the record of its card is empty.
+
+    Raises:
+        UserError: as `fit`.
+    """
+    classifier = untrained(
+        model,
+        tokens=task.variation.tokens,
+        frames=task.variation.frames,
+        key=jax.random.key(task.seed),
+        token_ensembles=TEST_ENSEMBLES,
+        rotation=task.variation.rotation,
+        settings=settings,
+    )
+    todo = Fit(task.loss, task.batches, task.steps_per_epoch, task.validate, report, watch)
+    return fit(classifier, todo, task.training, seed=task.seed, directory=directory)

@@ -1,9 +1,8 @@
-"""Operators, time, votes and files of the classifier."""
+"""Operators, layers over time, and configurations of the network."""
 
 from __future__ import annotations
 
 import dataclasses
-import json
 
 import jax
 import jax.numpy as jnp
@@ -13,15 +12,11 @@ from support.clip_examples import logits_of, random_clip
 
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.classify.mambasplat.cost import published_operations
-from aerojax.classify.mambasplat.lifting import normalise_published
 from aerojax.classify.mambasplat.mamba import MambaMixer, MambaStack, MambaState, sinusoids
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.classify.mambasplat.vector_neurons import clip_to_half_space, divide_by_rms, mix_channels
-from aerojax.classify.voting import classify_next, classify_video, video_vote, window_starts
-from aerojax.classify.weights import CONFIG_KEY, load_metadata, load_weights, save_weights
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
-from aerojax.pipeline.offline import clip_probabilities, probabilities_so_far
 
 SMALL = MambaSplatConfig(depth=1, mamba_layers=2, d_model=32, token_features=8, scale_normalisation="frame")
 
@@ -87,21 +82,6 @@ def test_stack_streams_what_it_scans_and_is_causal():
     np.testing.assert_allclose(scan(hidden.at[5:].add(1.0))[:5], whole[:5], atol=1e-6)
 
 
-@pytest.mark.parametrize("changes", [{"readout": "last"}, {"temporal": "none"}])
-def test_a_stream_gives_the_logits_of_the_clip(changes):
-    model = MambaSplat(dataclasses.replace(SMALL, **changes), key=jax.random.key(0))
-    clip = random_clip(0, time=5, tokens=16)
-    mask = jnp.ones((5, 16), bool).at[2].set(False)
-    step = jax.jit(classify_next)
-    state = model.initial_state()
-    for columns, valid in zip(clip, mask, strict=True):
-        logits, state = step(model, state, columns, valid)
-    np.testing.assert_allclose(logits, logits_of(model, clip[None], mask)[0], atol=2e-6)
-    with pytest.raises(UserError, match="scale_normalisation"):
-        clip_model = MambaSplat(dataclasses.replace(model.config, scale_normalisation="clip"), key=jax.random.key(0))
-        classify_next(clip_model, state, clip[0], mask[0])
-
-
 def test_dropout_needs_a_key_and_leaves_evaluation_alone():
     model = MambaSplat(dataclasses.replace(SMALL, dropout=0.5), key=jax.random.key(0))
     clip, mask = random_clip(1, time=3, tokens=8), jnp.ones((3, 8), bool)
@@ -119,64 +99,6 @@ def test_positions_are_interleaved_sines_and_cosines():
     angle = 3 / 10000 ** (2 / 6)
     np.testing.assert_allclose(table[3, 2:4], [np.sin(angle), np.cos(angle)], atol=1e-6)
     np.testing.assert_array_equal(table[0], [0, 1, 0, 1, 0, 1])
-
-
-def test_window_starts():
-    assert window_starts(30, 24, 3) == [0, 3, 6]
-    assert window_starts(30, 16, 16) == [0, 14]
-    assert window_starts(30, 16, 16, cover=False) == [0]
-    assert window_starts(5, 24, 3) == [0]
-    assert window_starts(30, 4, 3, cover=False) == list(range(0, 27, 3))
-    with pytest.raises(UserError, match="stride is 0"):
-        window_starts(30, 4, 0)
-
-
-def test_video_of_any_length_is_a_vote_over_its_clips():
-    model = MambaSplat(SMALL, key=jax.random.key(0))
-    video, mask = random_clip(2, time=7, tokens=8), jnp.ones((7, 8), bool)
-    probabilities = classify_video(model, video, mask, length=4, stride=4)
-    clips = logits_of(model, jnp.stack([video[s : s + 4] for s in (0, 3)]), jnp.ones((), bool))
-    np.testing.assert_allclose(probabilities, jax.nn.softmax(clips).mean(axis=0), atol=1e-6)
-    short = classify_video(model, video[:3], mask[:3], length=4, stride=4)
-    np.testing.assert_allclose(
-        short, jax.nn.softmax(logits_of(model, video[None, :3], jnp.ones((), bool)))[0], atol=1e-6
-    )
-    empty = video_vote(jnp.zeros((1, 4)), jnp.zeros(1, jnp.int32), 2)
-    np.testing.assert_allclose(empty, [[0.25] * 4, [0] * 4])
-
-
-def test_weights_round_trip_with_their_configuration(tmp_path):
-    model = MambaSplat(SMALL, key=jax.random.key(0))
-    path = tmp_path / "model.safetensors"
-    save_weights(path, model, {"classes": "bird drone"})
-    again = load_weights(path)
-    assert again.config == SMALL and load_metadata(path) == {"classes": "bird drone"}
-    for a, b in zip(jax.tree.leaves(model), jax.tree.leaves(again), strict=True):
-        np.testing.assert_array_equal(a, b)
-    assert [p.name for p in tmp_path.iterdir()] == ["model.safetensors"]
-
-
-def test_weights_that_do_not_fit_are_refused(tmp_path):
-    from safetensors.numpy import load_file, save_file
-
-    path = tmp_path / "model.safetensors"
-    with pytest.raises(UserError, match="does not exist"):
-        load_weights(path)
-    path.write_bytes(b"not a tensor")
-    with pytest.raises(UserError, match="not a complete safetensors file"):
-        load_weights(path)
-    save_weights(path, MambaSplat(SMALL, key=jax.random.key(0)))
-    tensors = load_file(path)
-    save_file(tensors, path)
-    with pytest.raises(UserError, match=CONFIG_KEY):
-        load_weights(path)
-    del tensors["head.out.bias"]
-    tensors |= {"extra": np.zeros(1, np.float32), "head.hidden.bias": np.zeros(3, np.float32)}
-    save_file(tensors, path, metadata={CONFIG_KEY: json.dumps(dataclasses.asdict(SMALL))})
-    with pytest.raises(UserError) as error:
-        load_weights(path)
-    for part in ("missing tensor head.out.bias", "unknown tensor extra", "head.hidden.bias has shape (3,)"):
-        assert part in str(error.value)
 
 
 def test_configurations_that_contradict_themselves_are_refused():
@@ -207,21 +129,3 @@ def test_configurations_that_contradict_themselves_are_refused():
 )
 def test_operations_are_those_of_the_thesis(mode, frames, tokens, billions, digits):
     assert round(published_operations(published_config(mode), frames, tokens) / 1e9, digits) == billions
-
-
-def test_published_weights_are_read_as_their_authors_prepare_them():
-    small = {"depth": 1, "mamba_layers": 1, "d_model": 32, "token_features": 8}
-    model = MambaSplat(published_config("X", **small), key=jax.random.key(0))
-    columns = random_clip(3, time=2, tokens=16)
-    prepared = jax.vmap(normalise_published)(columns)
-    expected = jax.nn.softmax(model(prepared, jnp.ones(columns.shape[:2], bool)))
-    read = probabilities_so_far(model, columns, tokens=16)
-    np.testing.assert_allclose(read[-1], expected, atol=1e-6)
-
-
-def test_the_last_of_all_prefixes_is_the_clip():
-    model = MambaSplat(SMALL, key=jax.random.key(0))
-    columns, present = random_clip(4, time=4, tokens=24), jnp.array([True, True, False, True])
-    whole = clip_probabilities(model, columns, present, tokens=8)
-    np.testing.assert_allclose(whole, probabilities_so_far(model, columns, present, tokens=8)[-1], atol=1e-6)
-    assert whole.sum() == pytest.approx(1, abs=1e-5)

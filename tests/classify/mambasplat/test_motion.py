@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,8 +11,6 @@ from support.clip_examples import random_clip, rotate_columns
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.classify.mambasplat.lifting import normalise_clip
 from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.classify.voting import classify_next
-from aerojax.core.errors import UserError
 from aerojax.geometry.rotations import haar_rotation
 
 MOVING = MambaSplatConfig(mode="C", motion_features=True, depth=1, mamba_layers=1, d_model=32, token_features=8)
@@ -83,16 +79,12 @@ def test_a_frame_without_tokens_has_no_motion_beside_it():
     assert (found[2:] == 0).all() and (found[1] != 0).any()
 
 
-def test_the_classifier_reads_them_and_a_stream_cannot():
+def test_the_classifier_reads_them():
     model, (clip, _) = MambaSplat(MOVING, key=jax.random.key(0)), flight(np.full((2, 3), 0.2))
     mask = jnp.ones(clip.shape[:2], bool)
     still = clip.at[..., :3].add(-clip[..., :3].mean(axis=1, keepdims=True))
     logits = jax.jit(lambda clip: model(clip, mask))
     assert jnp.abs(logits(clip) - logits(still)).max() > 1e-4
-    streamed = dataclasses.replace(MOVING, scale_normalisation="frame")
-    model = MambaSplat(streamed, key=jax.random.key(0))
-    with pytest.raises(UserError, match="motion_features is True"):
-        classify_next(model, model.initial_state(), clip[0], mask[0])
 
 
 def test_a_clip_at_rest_has_finite_gradients():

@@ -11,7 +11,6 @@ from support.clip_examples import random_clip
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.classify.mambasplat.mamba import MambaMixer, MambaStack
 from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.classify.voting import classify_next
 
 TINY = MambaSplatConfig(depth=1, mamba_layers=2, d_model=16, token_features=8, scale_normalisation="frame")
 FRAMES = 512
@@ -61,7 +60,8 @@ def test_512_steps_are_the_scan_at_one_cost():
 @pytest.fixture(scope="module")
 def stream():
     """A model and its compiled step, a function of its own: programs are counted by function, whoever compiled them."""
-    return MambaSplat(TINY, key=jax.random.key(0)), jax.jit(lambda *arguments: classify_next(*arguments))
+    model = MambaSplat(TINY, key=jax.random.key(0))
+    return model, jax.jit(lambda model, state, columns, mask: model.step(columns, mask, state))
 
 
 def test_a_frame_without_tokens_leaves_the_state_alone(stream):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,28 +10,30 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from aerojax.classify.base import Classifier, with_card
 from aerojax.core.types import CLASSES
+from aerojax.data.windows import Windows
+from aerojax.evaluate.answers import prefix_log_probabilities, shuffled_orders, vote
 from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity
 from aerojax.evaluate.calibration import calibration_error, fit_temperature, with_temperature
 from aerojax.evaluate.labels import label_figures, macro_f1
 from aerojax.evaluate.rotations import TEST_ROTATIONS, TestRotation, cached_rotations
-from aerojax.evaluate.windows import Classifier, Windows, read_prefixes, shuffled_orders, vote
 
 
 @dataclass(frozen=True)
-class Reading:
+class RotationTrials:
     """How windows are turned and read.
 
     seed: of the rotations and of the bootstrap.
     trials: draws of every random rotation.
-    readings: disjoint token groups whose probabilities are averaged.
+    token_ensembles: disjoint token subsets of a frame whose probabilities are averaged.
     rotations: folder of the cached rotations, shared by all models.
     draws: of the bootstrap.
     """
 
     seed: int
     trials: int
-    readings: int
+    token_ensembles: int
     rotations: Path
     draws: int
 
@@ -45,34 +48,47 @@ class Answers:
     temperature: float
 
 
-def read_all(classifier: Classifier, test: Windows, val: Windows, reading: Reading, advance: Any) -> Answers:
-    """Ask the classifier everything; `advance` is called after each pass over the windows."""
+def all_answers(
+    classifier: Classifier,
+    test: Windows,
+    val: Windows,
+    plan: RotationTrials,
+    progress: Callable[[int, int, str], None],
+) -> Answers:
+    """Ask the classifier everything.
+
+    Args:
+        classifier: read with the plan's token ensembles.
+        test: windows that are turned, cut and shuffled.
+        val: windows that the temperature is fitted on.
+        plan: seeds, trials and where the rotations are cached.
+        progress: called after each pass over the windows.
+    """
+    classifier = with_card(classifier, token_ensembles=plan.token_ensembles)
+    done, total = 0, 3 + (len(TEST_ROTATIONS) - 1) * plan.trials
 
     def ask(windows: Windows, kind: TestRotation, trial: int = 0, order: np.ndarray | None = None) -> np.ndarray:
+        nonlocal done
         frames = windows.present.shape[1]
-        turn = cached_rotations(reading.rotations, windows.name, kind, frames=frames, seed=reading.seed, trial=trial)
-        found = read_prefixes(classifier, windows, turn, readings=reading.readings, order=order)
-        advance()
+        turn = cached_rotations(plan.rotations, windows.name, kind, frames=frames, seed=plan.seed, trial=trial)
+        found = prefix_log_probabilities(classifier, windows, turn, order=order)
+        done += 1
+        progress(done, total, f"{len(test.label)} windows")
         return found
 
     temperature = fit_temperature(ask(val, "none")[:, -1], val.label)
     still = ask(test, "none")
     turned: dict[TestRotation, list[np.ndarray]] = {"none": [still[:, -1]]}
     for kind in TEST_ROTATIONS[1:]:
-        turned[kind] = [ask(test, kind, trial)[:, -1] for trial in range(reading.trials)]
-    shuffled = ask(test, "none", order=shuffled_orders(test, seed=reading.seed))[:, -1]
+        turned[kind] = [ask(test, kind, trial)[:, -1] for trial in range(plan.trials)]
+    shuffled = ask(test, "none", order=shuffled_orders(test, seed=plan.seed))[:, -1]
     return Answers(turned, still, shuffled, temperature)
 
 
-def passes(reading: Reading) -> int:
-    """How often `read_all` calls `advance`."""
-    return 3 + (len(TEST_ROTATIONS) - 1) * reading.trials
-
-
-def figures_of(answers: Answers, test: Windows, reading: Reading) -> dict[str, Any]:
+def figures_of(answers: Answers, test: Windows, plan: RotationTrials) -> dict[str, Any]:
     """Every figure of a classifier's answers, JSON-ready."""
     rotations = {
-        kind: _rotation(trials, answers.turned["none"][0], answers.temperature, test, reading)
+        kind: _rotation(trials, answers.turned["none"][0], answers.temperature, test, plan)
         for kind, trials in answers.turned.items()
     }
     return {
@@ -92,7 +108,7 @@ def video_confusions(trials: list[np.ndarray], test: Windows) -> Int[np.ndarray,
 
 
 def _rotation(
-    trials: list[np.ndarray], still: np.ndarray, temperature: float, test: Windows, reading: Reading
+    trials: list[np.ndarray], still: np.ndarray, temperature: float, test: Windows, plan: RotationTrials
 ) -> dict[str, Any]:
     levels = [_levels(trial, temperature, test) for trial in trials]
     confusions = video_confusions(trials, test)
@@ -104,7 +120,7 @@ def _rotation(
         for values in [[row[level][name] for row in levels]]
     }
     intervals = {
-        f"video_{name}": bootstrap_interval(confusions, statistic, seed=reading.seed, draws=reading.draws)
+        f"video_{name}": bootstrap_interval(confusions, statistic, seed=plan.seed, draws=plan.draws)
         for name, statistic in (("accuracy", accuracy), ("macro_f1", macro_f1))
     }
     return {**summary, "interval_95": intervals, "answers_changed": int(np.sum(changed)), "trials": levels}
@@ -124,7 +140,7 @@ def _levels(log_probabilities: np.ndarray, temperature: float, test: Windows) ->
     }
 
 
-def _prefix_accuracy(prefixes: np.ndarray, test: Windows) -> list[dict[str, float]]:
+def _prefix_accuracy(prefixes: np.ndarray, test: Windows) -> list[dict[str, int | float]]:
     """Share of right windows after each number of frames; a window that has fewer does not count there."""
     right = np.argmax(prefixes, axis=2) == test.label[:, None]
     seen = test.present

@@ -1,0 +1,123 @@
+"""What a classifier answers to clips: log-probabilities of whole clips, after each of their frames, and of videos."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from aerojax.classify.base import Classifier, with_card
+from aerojax.core.types import Gaussians
+from aerojax.data.clips import ClipSet, join_clips, load_clips
+from aerojax.data.windows import Windows
+from aerojax.evaluate.labels import label_figures
+from aerojax.evaluate.rotations import rotate_clip
+
+LOWEST = float(np.log(1e-12))
+"""Log-probabilities count as no less, so that one clip cannot decide the mean likelihood of a set."""
+BATCH = 32
+"""Clips that are read side by side."""
+TEST_ENSEMBLES = 4
+"""Disjoint token subsets that the figures of a trained model average over, as the pipeline does."""
+
+
+def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
+    """The clips of one split of several folders, cut or padded to `frames`."""
+    return join_clips([load_clips(folder / split, frames=frames) for folder in folders])
+
+
+@jax.jit
+def _last_logits(
+    classifier: Classifier, columns: Float[Array, "clip time token 14"], present: Bool[Array, "clip time"]
+) -> Float[Array, "clip label"]:
+    return jax.vmap(lambda c, valid: classifier.clip(Gaussians.from_columns(c), valid)[-1])(columns, present)
+
+
+def log_probabilities(classifier: Classifier, clips: ClipSet) -> Float[np.ndarray, "clip label"]:
+    """Of whole clips, by as many token ensembles as the classifier's card says."""
+    parts = []
+    for start in range(0, len(clips.label), BATCH):
+        index = np.arange(start, start + BATCH) % len(clips.label)  # one shape, one compilation
+        parts.append(_last_logits(classifier, jnp.asarray(clips.columns[index]), jnp.asarray(clips.present[index])))
+    return np.maximum(np.concatenate(parts)[: len(clips.label)], LOWEST)
+
+
+def split_figures(
+    classifier: Classifier, folders: tuple[Path, ...], more: tuple[Path, ...], *, split: str, frames: int
+) -> dict[str, dict[str, Any]]:
+    """Figures of a split of every folder by the folder's name, and of `folders` together as `all`.
+
+    Args:
+        classifier: read with `TEST_ENSEMBLES`.
+        folders: of clips, each with the split.
+        more: further ones, not counted in `all`.
+        split: train, val or test.
+        frames: clips are cut or padded to so many.
+    """
+    sets = {folder.name: load_split((folder,), split, frames) for folder in (*folders, *more)}
+    sets["all"] = load_split(folders, split, frames)
+    classifier = with_card(classifier, token_ensembles=TEST_ENSEMBLES)
+    return {
+        name: label_figures(log_probabilities(classifier, clips), clips.label)
+        | {"identities": len(set(clips.identity))}
+        for name, clips in sets.items()
+    }
+
+
+@jax.jit
+def _prefix_logits(
+    classifier: Classifier, columns: Array, present: Array, quaternion: Array, order: Array
+) -> Float[Array, "window time label"]:
+    def one(clip: tuple[Array, ...]) -> Array:
+        columns, present, quaternion, order = clip
+        return classifier.clip(Gaussians.from_columns(rotate_clip(columns, quaternion)[order]), present[order])
+
+    return jax.lax.map(one, (columns, present, quaternion, order), batch_size=16)
+
+
+def prefix_log_probabilities(
+    classifier: Classifier,
+    windows: Windows,
+    quaternion: Float[np.ndarray, "window time 4"],
+    *,
+    order: Int[np.ndarray, "window time"] | None = None,
+) -> Float[np.ndarray, "window time label"]:
+    """After each frame of every window, its frames turned and then put into `order`."""
+    if order is None:
+        order = np.tile(np.arange(windows.present.shape[1]), (len(windows.label), 1))
+    arrays = windows.columns, windows.present, quaternion.astype(np.float32), order
+    return np.maximum(np.asarray(_prefix_logits(classifier, *map(jnp.asarray, arrays))), LOWEST)
+
+
+def shuffled_orders(windows: Windows, *, seed: int) -> Int[np.ndarray, "window time"]:
+    """A random order of each window's present frames, the absent ones staying last."""
+    rng = np.random.default_rng(seed)
+    key = rng.random(windows.present.shape) + ~windows.present
+    return np.argsort(key, axis=1)
+
+
+def video_vote(
+    logits: Float[Array, "clip label"], video: Int[Array, "clip"], videos: int
+) -> Float[Array, "{videos} label"]:
+    """Class probabilities of each video: its clips' softmax, averaged (thesis Eq. 5.19).
+
+    Args:
+        logits: one row a clip.
+        video: index of each clip's video.
+        videos: how many there are; one without clips gets zeros.
+
+    Returns:
+        Rows that sum to one. `argmax` gives the label; an exact tie goes to the lowest class.
+    """
+    total = jax.ops.segment_sum(jax.nn.softmax(logits), video, num_segments=videos)
+    return total / jnp.maximum(total.sum(axis=1, keepdims=True), 1e-12)
+
+
+def vote(log_probabilities: Float[np.ndarray, "window label"], windows: Windows) -> Float[np.ndarray, "video label"]:
+    """Log-probabilities of each video: the mean of its windows' probabilities."""
+    votes = video_vote(jnp.asarray(log_probabilities), jnp.asarray(windows.video), int(windows.video.max()) + 1)
+    return np.log(np.maximum(np.asarray(votes), 1e-12))

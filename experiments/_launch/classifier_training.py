@@ -1,0 +1,102 @@
+"""One training run of a classifier with its screen and its files, for every act that trains one."""
+
+from __future__ import annotations
+
+import json
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from aerojax.classify.base import ClassifierConfig, Trainable, parameter_count, with_card
+from aerojax.classify.card_markdown import card_markdown
+from aerojax.classify.load import save_classifier
+from aerojax.core.config import to_mapping
+from aerojax.core.files import write_json, write_text
+from aerojax.core.types import CLASSES
+from aerojax.evaluate.answers import load_split, split_figures
+from aerojax.pipeline.clips import settings_of
+from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
+from aerojax.training.loop import TrainingConfig
+from aerojax.training.memory import keep_freed_memory
+from aerojax.training.tasks.classification import ClipTask, train_classifier
+from aerojax.training.variation import VariationConfig
+from experiments._launch.command import Run, provenance
+from experiments._launch.training_screen import training_screen
+
+
+@dataclass(frozen=True)
+class ClassifierTraining:
+    """Data, model and optimisation of one training run.
+
+    clips: folders of `reconstruct_dataset`, one a rig, each with train/, val/ and test/.
+    also_test: further folders of which only test/ is used.
+    frames: clips are cut or padded to so many.
+    tensorboard: write curves to `curves/` of the run's directory.
+    distribution: the processes that train together; each needs a run directory of its own.
+    """
+
+    preset: str
+    seed: int
+    clips: tuple[Path, ...]
+    also_test: tuple[Path, ...]
+    frames: int
+    model: ClassifierConfig
+    variation: VariationConfig
+    training: TrainingConfig
+    tensorboard: bool = False
+    distribution: DistributionConfig = field(default_factory=DistributionConfig)
+
+
+def train_and_keep(config: ClassifierTraining, run: Run) -> None:
+    """Train, test, and write weights with their card and `metrics.json`; of several processes the first one writes."""
+    keep_freed_memory()
+    join_processes(config.distribution)
+    console, start = Console(quiet=not is_first_process()), time.perf_counter()
+    classifier = _train(config, run, console)
+    tests = split_figures(classifier, config.clips, config.also_test, split="test", frames=config.frames)
+    for name, figures in tests.items():
+        console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
+    results = {
+        "test": tests["all"],
+        "tests": tests,
+        "test_identities": tests["all"]["identities"],
+        "classes": CLASSES,
+        "clips": list(map(str, config.clips)),
+        "trained": {name: to_mapping(getattr(config, name)) for name in ("model", "variation", "training")},
+        "seed": config.seed,
+        "minutes": (time.perf_counter() - start) / 60,
+        **provenance(run.overrides),
+    }
+    if is_first_process():
+        console.print(str(_keep(run, classifier, results)), soft_wrap=True)
+
+
+def _train(config: ClassifierTraining, run: Run, console: Console) -> Trainable:
+    clips, val = (load_split(config.clips, split, config.frames) for split in ("train", "val"))
+    console.print(f"clips: {len(clips.label)} train, {len(val.label)} val")
+    task = ClipTask(clips, val, config.variation, config.training, config.seed)
+    curves = run.directory / "curves" if config.tensorboard else None
+    with training_screen(config.training, task.steps_per_epoch, curves=curves) as screen:
+        return train_classifier(
+            config.model,
+            task,
+            settings=settings_of(config.clips[0]),
+            directory=run.directory,
+            report=screen.report,
+            watch=screen.watch,
+        )
+
+
+def _keep(run: Run, classifier: Trainable, results: dict[str, Any]) -> Path:
+    """Write the weights with their card, and last of all `metrics.json`; return the weights' path."""
+    weights = run.directory / "weights.safetensors"
+    command = " ".join([f"python -m experiments.{run.name}", *run.overrides])
+    record = {name: value for name, value in results.items() if name not in ("tests", "classes")}
+    known = with_card(classifier, record=json.dumps({"command": command, **record}))
+    save_classifier(weights, known)
+    write_text(weights.with_suffix(".md"), card_markdown(known.card, parameter_count(known.network)))
+    write_json(run.directory / "metrics.json", results)
+    return weights

@@ -1,0 +1,29 @@
+"""Hydra's callback that keeps the table of a comparison's sweep up to date."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from hydra.experimental.callback import Callback
+from hydra.types import RunMode
+from omegaconf import DictConfig
+from rich.console import Console
+
+from aerojax.evaluate.comparison import write_table
+
+
+class SweepTable(Callback):
+    """Writes the table of a sweep's directory, run by run."""
+
+    def on_job_end(self, config: DictConfig, job_return: Any, **kwargs: Any) -> None:
+        """After each run of a sweep."""
+        if config.hydra.mode == RunMode.MULTIRUN:
+            write_table(Path(config.hydra.sweep.dir))
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """After the last run, also where all were finished before."""
+        folder = Path(config.hydra.sweep.dir)
+        console = Console()
+        console.print(write_table(folder), markup=False, soft_wrap=True)
+        console.print(str(folder / "table.md"), soft_wrap=True)
