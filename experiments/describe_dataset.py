@@ -9,6 +9,7 @@ from typing import Any
 from rich.console import Console
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
 from aerojax.core.workers import run_jobs
 from aerojax.data.manifest import DatasetEntries, SequenceEntry, read_datasets
 from aerojax.evaluate.dataset_qa.description import Description, describe, to_json
@@ -19,7 +20,7 @@ from aerojax.view.dataset.page import dataset_page
 from aerojax.view.dataset.plots import standalone
 from aerojax.view.dataset.summary import summary, tables_of
 from aerojax.view.dataset.tables import markdown
-from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 TITLE = "Data set"

@@ -9,10 +9,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from aerojax.core.files import write_json
 from aerojax.simulate.assets.catalogue import build_identity
 from aerojax.simulate.assets.importers.identities import imported_identities
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
-from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.command import Run, experiment
 from experiments.draw_contact_sheets import SheetConfig, arranged, cell, write_jpeg
 
 

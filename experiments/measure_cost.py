@@ -16,7 +16,8 @@ from rich.table import Table
 from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
 from aerojax.classify.mambasplat.cost import operations, parameter_count, unused_bridge_parameters
 from aerojax.classify.mambasplat.model import MambaSplat
-from experiments._launch.command import Run, experiment, provenance, write_json
+from aerojax.core.files import write_json
+from experiments._launch.command import Run, experiment, provenance
 from experiments._launch.progress import progress_bar
 
 

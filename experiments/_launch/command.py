@@ -13,6 +13,7 @@ import functools
 import importlib
 import importlib.metadata
 import inspect
+import itertools
 import json
 import os
 import platform
@@ -33,9 +34,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 CONF_DIR = REPOSITORY / "conf"
+PACKAGE = __name__.removesuffix("._launch.command")
+"""Where acts are imported from: `experiments`, or where an installed wheel has it."""
 RECORD = "run.json"
 """Where a run's directory holds its configuration and origin."""
 _PACKAGES = ("jax", "jaxlib", "flax", "optax", "warp-lang", "usd-core", "opencv-python-headless", "numpy")
@@ -50,6 +54,11 @@ class Run:
     directory: Path
     name: str
     overrides: tuple[str, ...]
+
+    @property
+    def command(self) -> str:
+        """The command line that started it."""
+        return " ".join([f"python -m experiments.{self.name}", *self.overrides])
 
 
 def experiment(
@@ -89,11 +98,11 @@ def experiment(
         @functools.wraps(act)
         def command() -> None:
             if act.__module__ == "__main__":  # a name that other processes, to which launchers send the act, know too
-                return importlib.import_module(f"experiments.{name}").main()
+                return importlib.import_module(f"{PACKAGE}.{name}").main()
             os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
             os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
             keep_compiled_code()
-            job.__module__ = f"experiments.{name}"  # names the run; this file would otherwise
+            job.__module__ = f"{PACKAGE}.{name}"  # names the run; this file would otherwise
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
             try:
                 entry()
@@ -106,6 +115,21 @@ def experiment(
         return command
 
     return decorate
+
+
+def claim_folder(wanted: str) -> str:
+    """Make the first of `wanted`, `wanted`-2, `wanted`-3, … that is not there: runs of one second have one each."""
+    for number in itertools.count(1):
+        folder = wanted if number == 1 else f"{wanted}-{number}"
+        try:
+            Path(folder).mkdir(parents=True)  # of several processes that try, one succeeds
+        except FileExistsError:
+            continue
+        return folder
+    raise AssertionError  # the count has no end
+
+
+OmegaConf.register_new_resolver("claim_folder", claim_folder, use_cache=True, replace=True)
 
 
 def keep_compiled_code() -> None:
@@ -162,10 +186,3 @@ def _commit() -> str | None:
 def _git(*arguments: str) -> str:
     done = subprocess.run(["git", *arguments], cwd=REPOSITORY, check=True, capture_output=True, text=True)
     return done.stdout.strip()
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write JSON so that a reader never sees half of it."""
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(json.dumps(content, indent=1) + "\n")
-    temporary.replace(path)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from support.command_line import run_command
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
 from experiments import classify
 from experiments._launch import command as launch
-from experiments._launch.command import REPOSITORY, is_finished, provenance, write_json
+from experiments._launch.command import REPOSITORY, claim_folder, is_finished, provenance
 
 
 def process(*arguments):
@@ -81,7 +84,7 @@ def test_a_wrong_override_is_one_message(monkeypatch, tmp_path, capsys, override
 
 
 def test_a_bug_keeps_its_traceback(monkeypatch, tmp_path):
-    monkeypatch.setattr(classify, "load_weights", lambda path: 1 / 0)
+    monkeypatch.setattr(classify, "load_classifier", lambda path: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
 
@@ -112,3 +115,21 @@ def test_a_run_is_finished_by_its_last_file_and_its_configuration(tmp_path):
     assert is_finished(tmp_path, "metrics.json", config | {"distribution": {"process": 1}}, ("distribution",))
     with pytest.raises(UserError, match=r"another configuration \(distribution, seed in run\.json\); delete it"):
         is_finished(tmp_path, "metrics.json", config | {"seed": 1, "distribution": {"process": 1}})
+
+
+def test_runs_of_one_second_have_a_folder_each(tmp_path):
+    wanted = str(tmp_path / "runs/classify/2026-01-01_12-00-00")
+    with ThreadPoolExecutor(6) as pool:
+        claimed = list(pool.map(claim_folder, [wanted] * 6))
+    assert sorted(claimed) == [wanted, *(f"{wanted}-{number}" for number in range(2, 7))]
+    assert all(Path(folder).is_dir() for folder in claimed)
+
+
+def test_the_default_folder_of_a_run_is_claimed_once(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        with pytest.raises(SystemExit):
+            run_command(classify, monkeypatch, "preset=smoke", "weights=none.safetensors")
+    folders = sorted((tmp_path / "runs/classify").iterdir())
+    assert len(folders) == 2
+    assert all((folder / "run.json").is_file() and (folder / "hydra").is_dir() for folder in folders)
