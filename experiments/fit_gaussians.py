@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +14,19 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.capture.format import read_capture
+from aerojax.core.files import write_json
+from aerojax.evaluate.images import image_figures
 from aerojax.gaussians.io.ply import write_ply
 from aerojax.gaussians.io.usd import write_usd
 from aerojax.gaussians.rotate import transform
-from aerojax.pipeline.offline import PipelineConfig, frame_images
-from aerojax.reconstruct.fit.held_out import measure, split_views
+from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.offline import observe_frame
+from aerojax.reconstruct.fit.held_out import render_beside_views, split_views
 from aerojax.reconstruct.fit.matte import matted_views
 from aerojax.reconstruct.fit.optimise import GaussianFitConfig, fit_gaussians
-from aerojax.reconstruct.hull import hull_gaussians
+from aerojax.reconstruct.fit.start import only_real
 from aerojax.simulate.sample import SampleConfig, sample_capture
-from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
@@ -36,7 +38,7 @@ class Config:
     captures: folders, fitted one after the other instead of `capture`.
     frame: index in the capture.
     object: instance id in the masks; the largest one if None.
-    seed: of backdrops and shadow cameras.
+    seed: of the fit's random backgrounds, views and cameras.
     held_out: position, among the cameras that see the whole object, of the one kept for measuring.
     """
 
@@ -56,11 +58,11 @@ class Config:
 def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]:
     """Fit one capture; metrics.json, fitted.ply, fitted.usdc (world frame) and pictures go to `directory`."""
     capture = read_capture(folder)
-    seen = frame_images(capture, config.frame, config.pipeline, object_id=config.object)
-    fitting, held_out = split_views(seen, config.held_out)
-    hull = hull_gaussians(fitting, config=config.pipeline.hull)
+    seen = observe_frame(capture, config.frame, config.pipeline, object_id=config.object)
+    fitting, held_out = split_views(seen.views, seen.valid, config.held_out)
+    hull = only_real(config.pipeline.reconstruct.build(), fitting)
     matted = matted_views(capture, config.frame, seen.views, seen.valid, seen.boxes)
-    matted_fitting, _ = split_views(dataclasses.replace(seen, views=matted), config.held_out)
+    matted_fitting, _ = split_views(matted, seen.valid, config.held_out)
     began = time.perf_counter()
     with progress_bar() as bar:
         task = bar.add_task("fit", total=config.fit.steps)
@@ -77,11 +79,12 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
     directory.mkdir(parents=True, exist_ok=True)
     for name, gaussians in (("hull", hull), ("fitted", fitted)):
         for where, views in (("fitting_views", fitting), ("held_out_view", held_out)):
-            figures, picture = measure(gaussians, views, config.fit.antialias)
-            results[f"{name}_{where}"] = figures
-            bgr = np.round(255 * picture[..., ::-1]).astype(np.uint8)
+            rendered, target = render_beside_views(gaussians, views, antialias=config.fit.antialias)
+            results[f"{name}_{where}"] = image_figures(rendered, target, views.mask)
+            rows = [np.concatenate(list(x), axis=1) for x in (target, jnp.clip(rendered, 0, 1))]
+            bgr = np.round(255 * np.concatenate(rows)[..., ::-1]).astype(np.uint8)
             cv2.imwrite(str(directory / f"{name}_{where}.png"), bgr)
-    world_from_crop = jnp.asarray(capture.cameras[0].world_from_cam @ seen.rig_from_crop, jnp.float32)
+    world_from_crop = jnp.asarray(seen.world_from_crop, jnp.float32)
     placed = transform(fitted, world_from_crop)
     write_ply(directory / "fitted.ply", placed)
     write_usd(directory / "fitted.usdc", [placed])

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from aerojax.core.errors import UserError
 from aerojax.core.types import SH_C0, Camera, Gaussians, View, pytree_dataclass, static_field
 from aerojax.geometry.cameras import pixels_of_camera_points, points_in_camera
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
@@ -86,21 +84,6 @@ def visual_hull(
     opacity = jnp.full(points.shape[0], config.opacity, points.dtype)
     sh = ((colour - 0.5) / SH_C0)[:, None, :]
     return Gaussians(points, quaternion, scale, opacity, sh), count, cell
-
-
-def hull_gaussians(views: View, *, config: HullConfig) -> Gaussians:
-    """The real Gaussians of `visual_hull` of these views alone; their number is known only afterwards.
-
-    Raises:
-        UserError: the silhouettes do not meet.
-    """
-    build = jax.jit(partial(visual_hull, config=config))
-    gaussians, count, _ = build(views, jnp.ones(len(views.mask), bool))
-    if int(count) == 0:
-        raise UserError(
-            "no-usable-frames", "the silhouettes of the cameras do not meet: check calibration, masks and clocks"
-        )
-    return jax.tree.map(lambda x: x[: int(count)], gaussians)
 
 
 def _cell_size(cameras: Camera, valid: Bool[Array, "view"], config: HullConfig) -> Float[Array, ""]:

@@ -1,28 +1,29 @@
-"""Fitting views and a held-out one, and how Gaussians look in them."""
+"""Views for fitting and a held-out one, and how Gaussians look in them."""
 
 from __future__ import annotations
 
 import jax
-import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians, View
-from aerojax.pipeline.offline import FrameImages
-from aerojax.reconstruct.fit.optimise import draw_views
-from aerojax.reconstruct.fit.photometric import (
-    backdrop_colour,
-    certain_pixels,
-    foreground_psnr,
-    over_backdrop,
-    structural_similarity,
-    surround_psnr,
-)
+from aerojax.gaussians.render import render
+from aerojax.reconstruct.fit.photometric import background_colour, over_even_background
 
 
-def split_views(seen: FrameImages, held_out: int) -> tuple[View, View]:
-    """Views for fitting, and the one for measuring."""
-    index = np.flatnonzero(seen.valid)
+def split_views(views: View, valid: Bool[np.ndarray, "view"], held_out: int) -> tuple[View, View]:
+    """Views for fitting, and the one for measuring.
+
+    Args:
+        views: of all cameras, leading axis `view`.
+        valid: cameras that see the whole object; the others are left out.
+        held_out: position of the second result's view among the valid ones; negative from their end.
+
+    Raises:
+        UserError: there are too few valid views.
+    """
+    index = np.flatnonzero(valid)
     if not -len(index) <= held_out < len(index):
         raise UserError(
             "out-of-range",
@@ -31,18 +32,13 @@ def split_views(seen: FrameImages, held_out: int) -> tuple[View, View]:
         )
     chosen = index[held_out]
     rest = index[index != chosen]
-    return jax.tree.map(lambda x: x[rest], seen.views), jax.tree.map(lambda x: x[chosen : chosen + 1], seen.views)
+    return jax.tree.map(lambda x: x[rest], views), jax.tree.map(lambda x: x[chosen : chosen + 1], views)
 
 
-def measure(gaussians: Gaussians, views: View, antialias: bool) -> tuple[dict[str, float], np.ndarray]:
-    """PSNR on the object and inside its rim, and SSIM, over each view's backdrop; and truth above drawing."""
-    backdrop = backdrop_colour(views.rgb, views.mask)
-    drawn = draw_views(gaussians, views.camera, backdrop, antialias=antialias)
-    target = over_backdrop(views.rgb, views.mask, backdrop)
-    figures = {
-        "foreground_psnr_db": float(foreground_psnr(drawn, target, views.mask)),
-        "surround_psnr_db": float(surround_psnr(drawn, target, views.mask)),
-        "interior_psnr_db": float(foreground_psnr(drawn, target, views.mask * certain_pixels(views.mask))),
-        "ssim": float(structural_similarity(drawn, target)),
-    }
-    return figures, np.concatenate([np.concatenate(list(x), axis=1) for x in (target, jnp.clip(drawn, 0, 1))])
+def render_beside_views(
+    gaussians: Gaussians, views: View, *, antialias: bool
+) -> tuple[Float[Array, "view height width 3"], Float[Array, "view height width 3"]]:
+    """Renderings of Gaussians and the images that they should equal, both over each view's mean background colour."""
+    background = background_colour(views.rgb, views.mask)
+    rendered = render(gaussians, views.camera, background=background, antialias=antialias).colour
+    return rendered, over_even_background(views.rgb, views.mask, background)

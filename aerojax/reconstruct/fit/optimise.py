@@ -1,20 +1,19 @@
 """Gaussians of one object by optimisation on its own views: slow, without training data, a ceiling for one pass.
 
 Kerbl et al. 2023 with a constant number of Gaussians: it starts at the surface of the visual hull, and Gaussians that
-no image needs move to where the images pull hardest. Every step draws a few views over backdrops of a new random
-colour, so that neither a white part nor a hole can pass for the other; this needs the share of the backdrop in every
-pixel (`aerojax.reconstruct.fit.matte`).
+no image needs are relocated to where the positional gradients are largest (after Kheradmand et al. 2024, §4.2). Every
+step renders a few views over backgrounds of a new random colour, so that neither a white part nor a hole can pass for
+the other; this needs the matte of every view (`aerojax.reconstruct.fit.matte`).
 
-The hull is the largest shape with these silhouettes: a view between the cameras shows it too fat. The shadow term asks
-for the smallest: it is the mean opacity seen by cameras at random places, which have no image. For a convex body the
-mean shadow is a quarter of its surface (Cauchy 1832), so the term favours the least surface that still fills the masks.
-It is strong at first, when what bulges must go, and weak at last, when it would only make surfaces thin.
+The hull is the largest shape with these silhouettes: a view between the cameras shows it too fat. The alpha regulariser
+asks for the smallest: it is the mean alpha in cameras at random places, which have no image. For a convex body the mean
+projected area is a quarter of its surface (Cauchy 1832), so the term favours the least surface that still fills the
+masks. It is strong at first, when what bulges must go, and weak at last, when it would only make surfaces thin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -24,58 +23,60 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, Int, Key
 
-from aerojax.core.types import Camera, Gaussians, View, pytree_dataclass
+from aerojax.core.types import Camera, Gaussians, View, pytree_dataclass, static_field
 from aerojax.gaussians.render import render
 from aerojax.geometry.cameras import look_at
 from aerojax.geometry.rotations import normalise, rotation_from_quaternion
-from aerojax.reconstruct.fit.photometric import backdrop_colour, photometric_loss
+from aerojax.reconstruct.fit.photometric import background_colour, photometric_loss
 
-MOST_CERTAIN = 0.8
+MAX_START_OPACITY = 0.8
 """Opacity at which a fit starts at most."""
-FAINT = 0.02
+DEAD_OPACITY = 0.02
 """Opacity below which a Gaussian is of no use: five steps of an 8-bit image."""
-SHORTER = 0.6
+SPLIT_SCALE = 0.6
 """Length of a half over the whole's: two halves of 0.6 at ±0.5 have a standard deviation of 0.78 together."""
 
 Report = Callable[[int, float], None]
-"""Called with (steps done, loss) every few steps."""
+"""Called with (steps done, mean loss) every few steps."""
 
 
-@dataclass(frozen=True)
+@pytree_dataclass
 class GaussianFitConfig:
-    """Adam on Gaussians.
+    """Adam on Gaussians. Weights and learning rates are data of a pytree, so that another one compiles nothing anew.
 
-    steps: updates; the rates fall to a tenth over them.
-    views: how many of the views a step draws, at random; all if there are fewer.
-    mean_rate: of the centres, in object radii.
-    quaternion_rate, scale_rate, opacity_rate, colour_rate: of quaternion, log scale, logit opacity and coefficients.
-    largest: standard deviation that no Gaussian outgrows, over the largest at the start.
-    dissimilarity: λ of thesis Eq. 3.9.
+    steps: updates; the learning rates fall to a tenth over them.
+    views: how many of the views a step renders, at random; all if there are fewer.
+    mean_rate: learning rate of the centres, in object radii.
+    quaternion_rate, scale_rate, opacity_rate, colour_rate: learning rates of quaternion, log scale, logit opacity and
+        spherical-harmonics coefficients.
+    max_scale: standard deviation that no Gaussian outgrows, over the largest at the start.
+    dssim_weight: λ of thesis Eq. 3.9.
     mask_weight: of mean |alpha - mask|.
-    shadow_weight: of the mean alpha of cameras at random places, at the first step.
-    shadow_decay: its factor over all steps.
-    shadow_views: how many of them a step draws.
-    moved: share of the Gaussians, the least useful ones, that move after every report but the first and the last ones.
+    alpha_weight: of the alpha regulariser, at the first step.
+    alpha_decay: its factor over all steps.
+    alpha_views: cameras at random places that a step renders for it.
+    relocated: share of the Gaussians, the least useful ones, that is relocated after every report but the first and the
+        last ones.
     antialias: of the renderer; keep it for rendering the result.
     report_every: steps between reports.
     """
 
-    steps: int = 240
-    views: int = 2
+    steps: int = static_field(default=240)
+    views: int = static_field(default=2)
     mean_rate: float = 4e-3
     quaternion_rate: float = 1e-2
     scale_rate: float = 2e-2
     opacity_rate: float = 0.1
     colour_rate: float = 2e-2
-    largest: float = 1.0
-    dissimilarity: float = 0.2
+    max_scale: float = 1.0
+    dssim_weight: float = 0.2
     mask_weight: float = 0.5
-    shadow_weight: float = 0.4
-    shadow_decay: float = 0.05
-    shadow_views: int = 1
-    moved: float = 0.12
-    antialias: bool = True
-    report_every: int = 60
+    alpha_weight: float = 0.4
+    alpha_decay: float = 0.05
+    alpha_views: int = static_field(default=1)
+    relocated: float = 0.12
+    antialias: bool = static_field(default=True)
+    report_every: int = static_field(default=60)
 
 
 def fit_gaussians(
@@ -89,30 +90,30 @@ def fit_gaussians(
     """Optimise all attributes of Gaussians until they look like the views.
 
     Args:
-        start: for instance `hull_gaussians`; opacities strictly between 0 and 1 are reached from any start.
-        views: images, apparent opacities as masks, and cameras (leading axis `view`) in the Gaussians' frame with the
-            object near its origin; at least 11 pixels a side.
-        config: rates and steps.
-        key: random backdrops and places.
+        start: for instance a reconstructor's (`aerojax.reconstruct.fit.start`).
+        views: images, mattes as masks, and cameras (leading axis `view`) in the Gaussians' frame with the object near
+            its origin; at least 11 pixels a side.
+        config: learning rates and steps.
+        key: random backgrounds, views and cameras.
         report: progress.
 
     Returns:
         Gaussians of the same number, unit quaternions.
     """
-    radius = jnp.sqrt(jnp.mean(jnp.sum((start.mean - start.mean.mean(axis=0)) ** 2, axis=-1)))
-    limits = _Limits(radius, jnp.log(config.largest * jnp.max(start.scale)))
-    free = _free(start)
-    state = _State(free, _optimiser(config).init(free), jnp.zeros(len(start.mean)))
+    radius = jnp.sqrt(jnp.mean(jnp.sum((start.mean - start.mean.mean(axis=0, keepdims=True)) ** 2, axis=-1)))
+    limits = _Limits(radius, jnp.log(config.max_scale * jnp.max(start.scale)))
+    parameters = _parameters_of(start)
+    state = _State(parameters, _optimiser(config).init(parameters), jnp.zeros(len(start.mean)))
     for first in range(0, config.steps, config.report_every):
         part = min(config.report_every, config.steps - first)
         keys = jax.random.split(jax.random.fold_in(key, first), part)
-        state, loss = _advance(state, views, limits, keys, jnp.asarray(first), config)
-        # What was moved last has yet to find its place: none in the first stretch, none in the last fifth.
+        state, loss = _run_steps(state, views, limits, keys, jnp.asarray(first), config)
+        # A relocated Gaussian has yet to settle: none in the first stretch, none in the last fifth.
         if first > 0 and first + part < 0.8 * config.steps:
-            state = _move_idle(state, int(config.moved * len(start.mean)))
+            state = _relocate(state, int(config.relocated * len(start.mean)))
         if report is not None:
             report(first + part, float(loss))
-    return _gaussians(state.free)
+    return _gaussians_of(state.parameters)
 
 
 @pytree_dataclass
@@ -125,17 +126,17 @@ class _Limits:
 
 @pytree_dataclass
 class _State:
-    """Parameters, Adam's moments, and how hard the images pulled at every centre since the last move."""
+    """Parameters, Adam's moments, and the sum of each centre's gradient norms since the last relocation."""
 
-    free: dict[str, Array]
+    parameters: dict[str, Array]
     moments: Any
-    pull: Float[Array, "gaussian"]
+    gradient_norm: Float[Array, "gaussian"]
 
 
-def _free(gaussians: Gaussians) -> dict[str, Array]:
+def _parameters_of(gaussians: Gaussians) -> dict[str, Array]:
     """Unconstrained parameters: logarithm of the scale, logit of the opacity."""
-    # Not too sure of anything at first: the logistic curve is flat near 1, and what is wrong there would stay.
-    opacity = jnp.clip(gaussians.opacity, 1e-3, MOST_CERTAIN)
+    # The logistic curve is flat near 1: what starts opaque in a wrong place would stay.
+    opacity = jnp.clip(gaussians.opacity, 1e-3, MAX_START_OPACITY)
     return {
         "mean": gaussians.mean,
         "quaternion": gaussians.quaternion,
@@ -145,14 +146,14 @@ def _free(gaussians: Gaussians) -> dict[str, Array]:
     }
 
 
-def _gaussians(free: dict[str, Array]) -> Gaussians:
-    q = free["quaternion"]
+def _gaussians_of(parameters: dict[str, Array]) -> Gaussians:
+    q = parameters["quaternion"]
     return Gaussians(
-        mean=free["mean"],
+        mean=parameters["mean"],
         quaternion=q / jnp.maximum(jnp.linalg.norm(q, axis=-1, keepdims=True), 1e-9),
-        scale=jnp.exp(free["scale"]),
-        opacity=jax.nn.sigmoid(free["opacity"]),
-        sh=free["sh"],
+        scale=jnp.exp(parameters["scale"]),
+        opacity=jax.nn.sigmoid(parameters["opacity"]),
+        sh=parameters["sh"],
     )
 
 
@@ -164,56 +165,55 @@ def _optimiser(config: GaussianFitConfig) -> optax.GradientTransformation:
         "opacity": config.opacity_rate,
         "sh": config.colour_rate,
     }
-
-    def adam(rate: float) -> optax.GradientTransformation:
-        return optax.adam(optax.exponential_decay(rate, config.steps, 0.1), eps=1e-15)
-
-    return optax.partition({name: adam(rate) for name, rate in rates.items()}, {name: name for name in rates})
-
-
-def _own_light(views: View) -> Float[Array, "view height width 3"]:
-    """What the object adds to each pixel: the image less the backdrop's share; nothing where there is no object."""
-    backdrop = backdrop_colour(views.rgb, views.mask)[:, None, None, :]
-    opacity = views.mask[..., None]
-    return jnp.where(opacity > 1e-3, views.rgb - (1 - opacity) * backdrop, 0.0)
+    schedules = {name: optax.exponential_decay(rate, config.steps, 0.1) for name, rate in rates.items()}
+    return optax.partition(
+        {name: optax.adam(schedule, eps=1e-15) for name, schedule in schedules.items()}, {name: name for name in rates}
+    )
 
 
-def _shadow_cameras(cameras: Camera, key: Key[Array, ""], count: int) -> Camera:
+def _premultiplied_foreground(views: View) -> Float[Array, "view height width 3"]:
+    """What the object adds to each pixel: the image less the background's share; nothing where there is no object."""
+    background = background_colour(views.rgb, views.mask)[:, None, None, :]
+    alpha = views.mask[..., None]
+    return jnp.where(alpha > 1e-3, views.rgb - (1 - alpha) * background, 0.0)
+
+
+def _random_cameras(cameras: Camera, key: Key[Array, ""], count: int) -> Camera:
     """Cameras all around the origin, at the mean distance and with the mean focal length of `cameras`."""
     distance = jnp.mean(jnp.linalg.norm(cameras.world_from_cam[:, :3, 3], axis=-1))
     direction = normalise(jax.random.normal(key, (count, 3)))
-    poses = jax.vmap(lambda centre: look_at(centre, jnp.zeros(3)))(direction * distance)
+    world_from_cam = jax.vmap(lambda centre: look_at(centre, jnp.zeros(3)))(direction * distance)
     K = jnp.broadcast_to(jnp.mean(cameras.K, axis=0), (count, 3, 3))
-    return Camera(K, poses, cameras.width, cameras.height)
+    return Camera(K, world_from_cam, cameras.width, cameras.height)
 
 
 def _loss(
-    free: dict[str, Array],
+    parameters: dict[str, Array],
     views: View,
-    own: Float[Array, "view height width 3"],
-    shadow_weight: Float[Array, ""],
+    foreground: Float[Array, "view height width 3"],
+    alpha_weight: Float[Array, ""],
     key: Array,
     config: GaussianFitConfig,
 ) -> Float[Array, ""]:
-    """Thesis Eq. 3.9 over random backdrops in some of the views, with the mask and shadow terms."""
-    key_backdrop, key_shadow, key_views = jax.random.split(key, 3)
+    """Thesis Eq. 3.9 over random backgrounds in some of the views, with the mask term and the alpha regulariser."""
+    key_background, key_cameras, key_views = jax.random.split(key, 3)
     count = min(config.views, len(views.mask))
     chosen = jax.random.permutation(key_views, len(views.mask))[:count]
-    extra = _shadow_cameras(views.camera, key_shadow, config.shadow_views)
-    views, own = jax.tree.map(lambda x: x[chosen], (views, own))
-    backdrop = jax.random.uniform(key_backdrop, (count, 3))
+    extra = _random_cameras(views.camera, key_cameras, config.alpha_views)
+    views, foreground = jax.tree.map(lambda x: x[chosen], (views, foreground))
+    background = jax.random.uniform(key_background, (count, 3))
     cameras = jax.tree.map(lambda *x: jnp.concatenate(x), views.camera, extra)
-    behind = jnp.concatenate([backdrop, jnp.zeros((config.shadow_views, 3))])
-    drawn = render(_gaussians(free), cameras, background=behind, antialias=config.antialias)
-    target = own + (1 - views.mask[..., None]) * backdrop[:, None, None, :]
-    colours = photometric_loss(drawn.colour[:count], target, dissimilarity=config.dissimilarity)
-    outline = jnp.mean(jnp.abs(drawn.alpha[:count] - views.mask))
-    shadow = jnp.sum(drawn.alpha[count:]) / max(1, drawn.alpha[count:].size)
-    return colours + config.mask_weight * outline + shadow_weight * shadow
+    backgrounds = jnp.concatenate([background, jnp.zeros((config.alpha_views, 3))])
+    rendering = render(_gaussians_of(parameters), cameras, background=backgrounds, antialias=config.antialias)
+    target = foreground + (1 - views.mask[..., None]) * background[:, None, None, :]
+    photometric = photometric_loss(rendering.colour[:count], target, dssim_weight=config.dssim_weight)
+    mask = jnp.mean(jnp.abs(rendering.alpha[:count] - views.mask))
+    alpha = jnp.sum(rendering.alpha[count:]) / max(1, rendering.alpha[count:].size)
+    return photometric + config.mask_weight * mask + alpha_weight * alpha
 
 
-@partial(jax.jit, static_argnames="config")
-def _advance(
+@jax.jit
+def _run_steps(
     state: _State,
     views: View,
     limits: _Limits,
@@ -223,50 +223,45 @@ def _advance(
 ) -> tuple[_State, Float[Array, ""]]:
     """One update a key in one compiled loop, and the mean loss; `first` steps are done."""
     optimiser = _optimiser(config)
-    own = _own_light(views)
+    foreground = _premultiplied_foreground(views)
 
     def step(state: _State, x: tuple[Array, Array]) -> tuple[_State, Array]:
         key, done = x
-        weight = config.shadow_weight * config.shadow_decay ** (done / config.steps)
-        value, slope = jax.value_and_grad(_loss)(state.free, views, own, weight, key, config)
-        update: tuple[Any, Any] = optimiser.update(slope, state.moments, state.free)
+        weight = config.alpha_weight * config.alpha_decay ** (done / config.steps)
+        loss, gradient = jax.value_and_grad(_loss)(state.parameters, views, foreground, weight, key, config)
+        update: tuple[Any, Any] = optimiser.update(gradient, state.moments, state.parameters)
         change, moments = update
         # Centres move in units of the object's radius.
         change = {name: x * limits.radius if name == "mean" else x for name, x in change.items()}
-        free: Any = optax.apply_updates(state.free, change)
-        free = {name: jnp.minimum(x, limits.log_scale) if name == "scale" else x for name, x in free.items()}
-        return _State(free, moments, state.pull + jnp.linalg.norm(slope["mean"], axis=-1)), value
+        parameters: Any = optax.apply_updates(state.parameters, change)
+        parameters["scale"] = jnp.minimum(parameters["scale"], limits.log_scale)
+        norm = jnp.linalg.norm(gradient["mean"], axis=-1)
+        return _State(parameters, moments, state.gradient_norm + norm), loss
 
     state, losses = jax.lax.scan(step, state, (keys, first + jnp.arange(len(keys))))
     return state, jnp.mean(losses)
 
 
 @partial(jax.jit, static_argnames="count")
-def _move_idle(state: _State, count: int) -> _State:
-    """Halve the `count` Gaussians that the images pull at most; the other halves are those that did least.
+def _relocate(state: _State, count: int) -> _State:
+    """Split the `count` Gaussians of the largest positional gradients; the second halves are those of the smallest.
 
-    A fit that cannot show what a place needs pulls its Gaussians to and fro (Kerbl et al. 2023, §5.2). The halves lie
-    half a standard deviation to both sides of the centre, along the longest axis, and are shorter along it.
+    A fit that cannot show what a place needs has large gradients there (Kerbl et al. 2023, §5.2). Dead Gaussians, which
+    have none, go first (Kheradmand et al. 2024). The halves lie half a standard deviation to both sides of the centre,
+    along the longest axis, and are shorter along it.
     """
-    free = state.free
-    opacity = jax.nn.sigmoid(free["opacity"])
-    order = jnp.argsort(jnp.where(opacity < FAINT, 0.0, state.pull))
-    idle, busy = order[:count], order[len(order) - count :]
-    halved = _gaussians({name: x[busy] for name, x in free.items()})
-    longest = jax.nn.one_hot(jnp.argmax(halved.scale, axis=-1), 3)
-    axes = rotation_from_quaternion(halved.quaternion)
-    aside = 0.5 * jnp.einsum("nij,nj->ni", axes, longest * halved.scale)
-    new = {name: x.at[idle].set(x[busy]) for name, x in free.items()}
-    new["mean"] = new["mean"].at[busy].add(aside).at[idle].add(-aside)
-    shorter = longest * np.log(SHORTER)
-    new["scale"] = new["scale"].at[busy].add(shorter).at[idle].add(shorter)
-    # What a Gaussian remembers of its old place says nothing of the new one.
-    moments = jax.tree.map(lambda x: x.at[idle].set(0) if jnp.shape(x)[:1] == order.shape else x, state.moments)
-    return _State(new, moments, jnp.zeros_like(state.pull))
-
-
-def draw_views(
-    gaussians: Gaussians, camera: Camera, background: Float[Array, "*view 3"], *, antialias: bool
-) -> Float[Array, "view height width 3"]:
-    """Colour images of all cameras (leading axis `view`) in one launch."""
-    return render(gaussians, camera, background=background, antialias=antialias).colour
+    old = state.parameters
+    opacity = jax.nn.sigmoid(old["opacity"])
+    order = jnp.argsort(jnp.where(opacity < DEAD_OPACITY, 0.0, state.gradient_norm))
+    relocated, split = order[:count], order[len(order) - count :]
+    whole = _gaussians_of({name: x[split] for name, x in old.items()})
+    longest = jax.nn.one_hot(jnp.argmax(whole.scale, axis=-1), 3)
+    axes = rotation_from_quaternion(whole.quaternion)
+    offset = 0.5 * jnp.einsum("nij,nj->ni", axes, longest * whole.scale)
+    new = {name: x.at[relocated].set(x[split]) for name, x in old.items()}
+    new["mean"] = new["mean"].at[split].add(offset).at[relocated].add(-offset)
+    shorter = longest * float(np.log(SPLIT_SCALE))
+    new["scale"] = new["scale"].at[split].add(shorter).at[relocated].add(shorter)
+    # The moments of the old place say nothing of the new one.
+    moments = jax.tree.map(lambda x: x.at[relocated].set(0) if jnp.shape(x)[:1] == order.shape else x, state.moments)
+    return _State(new, moments, jnp.zeros_like(state.gradient_norm))
