@@ -1,17 +1,19 @@
 """Strict mapping -> frozen dataclass: an unknown, missing or mistyped key is an error that names it.
 
 A field whose type is the base class of a door (it has `members: ClassVar[str]`, the module whose `MEMBERS` lists the
-members by name) holds one of the members: its mapping's `name` says which.
+members by name) holds one of the members: its mapping's `name` says which, or the field's default if there is no name.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import cattrs
+import cattrs.gen
 from cattrs.errors import ForbiddenExtraKeysError
 
 from aerojax.core.errors import UserError
@@ -28,6 +30,12 @@ def _strict(kind: type, accepted: tuple[type, ...]) -> Any:
     return structure
 
 
+def _choice(value: Any, kind: Any) -> Any:
+    if not any(value == option and type(value) is type(option) for option in get_args(kind)):
+        raise ValueError(f"expected one of {', '.join(map(repr, get_args(kind)))}; got {value!r}")
+    return value
+
+
 def _describe(error: BaseException, expected: Any) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
         return f"unknown key(s) {', '.join(sorted(error.extra_fields))}"
@@ -40,23 +48,63 @@ def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=True)
     for kind, accepted in ((int, (int,)), (float, (int, float)), (str, (str,)), (bool, (bool,)), (Path, (str, Path))):
         converter.register_structure_hook(kind, _strict(kind, accepted))
-    # Only the base class itself is a door, its members are ordinary dataclasses.
-    converter.register_structure_hook_func(_is_door, lambda value, door: _member(converter, value, door))
-    converter.register_unstructure_hook_func(_is_door, lambda config: converter.unstructure(config, type(config)))
+    converter.register_structure_hook_func(lambda kind: get_origin(kind) is Literal, _choice)
+    converter.register_structure_hook_factory(_has_door, lambda kind: _with_default_members(converter, kind))
+    converter.register_structure_hook_func(is_door, lambda value, door: _member(converter, value, door))
+    converter.register_unstructure_hook_func(is_door, lambda config: converter.unstructure(config, type(config)))
     return converter
 
 
-def _is_door(kind: Any) -> bool:
+def is_door(kind: Any) -> bool:
+    """Whether a type is the base class of a door's members; the members themselves are ordinary dataclasses."""
     return isinstance(kind, type) and "members" in vars(kind)
+
+
+def members_of(door: type) -> Mapping[str, type]:
+    """The configuration classes of a door's members, by name."""
+    return importlib.import_module(door.members).MEMBERS  # type: ignore[attr-defined]  # pyrefly: ignore
+
+
+def default_of(field: dataclasses.Field[Any]) -> Any:
+    """A field's default value; `dataclasses.MISSING` if it has none."""
+    made = field.default_factory is not dataclasses.MISSING
+    return field.default_factory() if made else field.default  # type: ignore[misc]  # pyrefly: ignore
 
 
 def _member(converter: cattrs.Converter, value: Any, door: Any) -> Any:
     """The member of a door that a mapping names."""
-    members: Mapping[str, type] = importlib.import_module(door.members).MEMBERS
+    members = members_of(door)
     name = value.get("name") if isinstance(value, Mapping) else None
     if name not in members:
         raise ValueError(f"name is {name!r}; choose one of {', '.join(sorted(members))}")
     return converter.structure(value, members[name])
+
+
+def door_of(kind: Any) -> type | None:
+    """The door that a field of this type, or of this type or None, holds a member of; None if it is no such field."""
+    return next((option for option in (kind, *get_args(kind)) if is_door(option)), None)
+
+
+def _has_door(kind: Any) -> bool:
+    return dataclasses.is_dataclass(kind) and any(map(door_of, get_type_hints(kind).values()))
+
+
+def _with_default_members(converter: cattrs.Converter, kind: Any) -> Callable[[Any, Any], Any]:
+    """How a dataclass that holds members is made: a mapping without a name belongs to the field's default member."""
+    made = cattrs.gen.make_dict_structure_fn(kind, converter, _cattrs_forbid_extra_keys=True)
+    hints, names = get_type_hints(kind), {}
+    for field in dataclasses.fields(kind):
+        default = default_of(field)
+        if door_of(hints[field.name]) and default not in (None, dataclasses.MISSING):
+            names[field.name] = default.name
+
+    def structure(value: Any, of: Any) -> Any:
+        if isinstance(value, Mapping):
+            unnamed = [key for key in names if isinstance(value.get(key), Mapping) and "name" not in value[key]]
+            value = {**value, **{key: {"name": names[key], **value[key]} for key in unnamed}}
+        return made(value, of)
+
+    return structure
 
 
 _CONVERTER = _converter()
