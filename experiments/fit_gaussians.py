@@ -61,7 +61,7 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
     seen = observe_frame(capture, config.frame, config.pipeline, object_id=config.object)
     fitting, held_out = split_views(seen.views, seen.valid, config.held_out)
     hull = only_real(config.pipeline.reconstruct.build(), fitting)
-    matted = matted_views(capture, config.frame, seen.views, seen.valid, seen.boxes)
+    matted = matted_views(capture, seen)
     matted_fitting, _ = split_views(matted, seen.valid, config.held_out)
     began = time.perf_counter()
     with progress_bar() as bar:

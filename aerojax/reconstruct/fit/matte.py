@@ -10,14 +10,14 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_coverage, read_rgb
 from aerojax.core.colour import linear_from_srgb, srgb_from_linear
 from aerojax.core.images import dilate, off_boundary
-from aerojax.core.types import Box, View
-from aerojax.reconstruct.crop import crop_cameras, crop_image
+from aerojax.core.types import Observation, View
+from aerojax.reconstruct.crop import crop_image
 from aerojax.reconstruct.fit.photometric import background_colour
 
 _PRIOR_WEIGHT = 0.01
@@ -64,28 +64,23 @@ def matte_from_mask(
     return jnp.where(known | (count < 1), mask, _blend_share(rgb, object_colour, background, mask))
 
 
-def matted_views(
-    capture: Capture, frame: int, views: View, valid: Bool[np.ndarray, "camera"], boxes: tuple[Box | None, ...]
-) -> View:
-    """The views with mattes as their masks: from the capture's coverage where it has it, else estimated.
+def matted_views(capture: Capture, seen: Observation) -> View:
+    """An observation's views with mattes as their masks: from the capture's coverage where it has it, else estimated.
 
     Args:
-        capture, frame: where the views come from.
-        views: crops of all cameras, leading axis `camera`.
-        valid, boxes: which cameras count, and the object's box in the images of these, as the crops were cut.
+        capture: where the observation comes from.
+        seen: crops of all cameras, and how they were cut.
     """
+    views = seen.views
     mask = matte_from_mask(views.rgb, views.mask)
     backgrounds = background_colour(views.rgb, views.mask)
-    size = views.camera.width
-    for index in np.flatnonzero(valid):
-        coverage, image = read_coverage(capture, int(index), frame), read_rgb(capture, int(index), frame)
+    for index in map(int, np.flatnonzero(seen.valid)):
+        coverage, image = read_coverage(capture, index, seen.frame), read_rgb(capture, index, seen.frame)
         if coverage is None or image is None:
             continue
-        camera, box = capture.cameras[index], np.asarray(boxes[index], np.float64)
-        crop = crop_cameras(camera.K[None], camera.world_from_cam[None], box[None], size=size)
         background = jnp.broadcast_to(backgrounds[index], image.shape)
         matte = np.asarray(matte_from_coverage(jnp.asarray(image), jnp.asarray(coverage), background))
-        cut = crop_image(matte, np.asarray(crop.crop_from_image[0]), size=size)
+        cut = crop_image(matte, seen.crop_from_image[index], size=views.camera.width)
         # Coverage is of all objects; others, and clutter, are not within two pixels of this one's mask.
         mask = mask.at[index].set(jnp.where(dilate(views.mask[index], 2) > 0.01, cut, 0.0))
     return View(views.rgb, mask, views.camera)
