@@ -12,7 +12,7 @@ from rich.console import Console
 
 from aerojax.core.errors import UserError
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.render.portrait import Sitter, encoded
+from aerojax.simulate.render.asset_image import AssetRenderer, srgb_bytes
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
@@ -55,12 +55,12 @@ class Config:
 def cell(identity: Identity, assets: Path, sheet: SheetConfig) -> UInt8[np.ndarray, "row column 3"]:
     """An identity's pictures side by side above its caption, sRGB."""
     mesh = load_animated_mesh(build_identity(identity, assets))
-    sitter, pictures = Sitter(mesh), []
+    renderer, pictures = AssetRenderer(mesh), []
     for azimuth, elevation, share in sheet.views:
         size = {"width": sheet.width, "height": sheet.height, "samples": sheet.samples}
         seconds = share * mesh.cycle_seconds
-        portrait = sitter.portrait(seconds, azimuth, elevation, lighting=Lighting(sun=0.6, sky=0.5), **size)
-        pictures.append(encoded(portrait.over(sheet.backdrop)))
+        picture = renderer.image(seconds, azimuth, elevation, lighting=Lighting(sun=0.6, sky=0.5), **size)
+        pictures.append(srgb_bytes(picture.over(sheet.backdrop)))
     drawn = np.concatenate(pictures, axis=1)
     caption = np.full((CAPTION, drawn.shape[1], 3), 255, np.uint8)
     text = f"{identity.name.removeprefix(identity.label + '_')} - {identity.split}"

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import Progress, TaskID
 
 from aerojax.core.config import to_mapping
-from aerojax.simulate.generate import Made, Shard, make_dataset
-from aerojax.simulate.plan.dataset import CampaignConfig, SequenceTask, count, work_list
+from aerojax.core.files import write_json
+from aerojax.data.manifest import ENTRY
+from aerojax.simulate.generate import GenerationResult, Shard, generate_dataset
+from aerojax.simulate.plan.dataset import DatasetConfig, SequenceTask, count, work_list
 from aerojax.simulate.plan.sizes import estimated_bytes
-from aerojax.simulate.publish.manifest import ENTRY
-from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.command import Run, experiment
+from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config(CampaignConfig):
+class Config(DatasetConfig):
     """A data set, where it is made, and how.
 
     folder: of the data set; several rigs may share it.
@@ -45,15 +49,35 @@ def main(config: Config, run: Run) -> None:
         write_json(run.directory / "metrics.json", metrics)
         return
     shard = Shard(config.shard, config.shards)
-    made = make_dataset(plain(config), config.folder, workers=config.workers, shard=shard, overwrite=config.overwrite)
-    write_json(run.directory / "metrics.json", {**metrics, **summary(made)})
-    console.print(summary_line(config.folder, made))
+    with progress_bar("/s") as bar:
+        result = generate_dataset(
+            plain(config),
+            config.folder,
+            workers=config.workers,
+            shard=shard,
+            progress=shown_in(bar),
+            overwrite=config.overwrite,
+        )
+    write_json(run.directory / "metrics.json", {**metrics, **summary(result)})
+    console.print(summary_line(config.folder, result))
 
 
-def plain(config: Config) -> CampaignConfig:
+def shown_in(bar: Progress) -> Callable[[int, int, str], None]:
+    """Progress of the generator as one row a kind of work."""
+    rows: dict[str, TaskID] = {}
+
+    def show(done: int, total: int, what: str) -> None:
+        if what not in rows:
+            rows[what] = bar.add_task(what, total=total)
+        bar.update(rows[what], completed=done)
+
+    return show
+
+
+def plain(config: Config) -> DatasetConfig:
     """The part that decides the bytes, without place and workers."""
-    names = CampaignConfig.__dataclass_fields__
-    return CampaignConfig(**{name: getattr(config, name) for name in names})
+    names = DatasetConfig.__dataclass_fields__
+    return DatasetConfig(**{name: getattr(config, name) for name in names})
 
 
 def list_work(config: Config, tasks: tuple[SequenceTask, ...], console: Console) -> None:
@@ -68,28 +92,28 @@ def list_work(config: Config, tasks: tuple[SequenceTask, ...], console: Console)
     )
 
 
-def summary(made: Made) -> dict[str, float | int | bool]:
+def summary(result: GenerationResult) -> dict[str, float | int | bool]:
     """Figures of a run: rate, and shares of the workers' time."""
-    costs = made.costs
-    spent = max(costs.simulate + costs.cast + costs.write, 1e-9)
-    shares = {key: round(getattr(costs, key) / spent, 3) for key in ("simulate", "cast", "write")}
-    rate = round(costs.images / max(made.seconds, 1e-9), 2)
+    timings = result.timings
+    spent = max(timings.simulate + timings.cast + timings.write, 1e-9)
+    shares = {key: round(getattr(timings, key) / spent, 3) for key in ("simulate", "cast", "write")}
+    rate = round(timings.images / max(result.seconds, 1e-9), 2)
     return {
-        "made": made.sequences,
-        "images_written": costs.images,
+        "made": result.sequences,
+        "images_written": timings.images,
         "images_per_s": rate,
         **shares,
-        "complete": made.complete,
+        "complete": result.complete,
     }
 
 
-def summary_line(folder: Path, made: Made) -> str:
+def summary_line(folder: Path, result: GenerationResult) -> str:
     """One line for people."""
-    facts = summary(made)
-    state = "complete" if made.complete else "other shards are still missing"
+    facts = summary(result)
+    state = "complete" if result.complete else "other shards are still missing"
     split = ", ".join(f"{key} {100 * float(facts[key]):.0f} %" for key in ("simulate", "cast", "write"))
     rate = f"{facts['images_written']} images, {facts['images_per_s']} images/s ({split})"
-    return f"{folder}: {made.sequences} sequences made, {rate}; {state}"
+    return f"{folder}: {result.sequences} sequences made, {rate}; {state}"
 
 
 if __name__ == "__main__":

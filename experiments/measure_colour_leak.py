@@ -11,13 +11,14 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 
+from aerojax.core.files import write_json
+from aerojax.core.seeds import seed_of
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.dataset_qa.colour_leak import CLASSIFIERS, colour_statistics, measure_leak
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.assets.variation import seed_of
-from aerojax.simulate.render.portrait import Sitter, encoded
+from aerojax.simulate.render.asset_image import AssetRenderer, srgb_bytes
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
-from experiments._launch.command import Run, experiment, write_json
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 from kernels.rays.raytrace import Lighting
 
@@ -52,17 +53,17 @@ def light_of(kind: str, rng: np.random.Generator) -> Lighting:
 
 def statistics_of(identity: Identity, config: Config) -> dict[str, Float[np.ndarray, "view 33"]]:
     """Colour statistics of an identity's pixels, by light, in views that its name and the seed draw."""
-    sitter = Sitter(mesh := load_animated_mesh(build_identity(identity, config.assets)))
+    renderer = AssetRenderer(mesh := load_animated_mesh(build_identity(identity, config.assets)))
     rng = np.random.default_rng(seed_of("colour leak", config.seed, identity.name))
     found: dict[str, list[np.ndarray]] = {light: [] for light in LIGHTS}
     for _ in range(config.views):
         seconds, azimuth = rng.uniform(0, max(mesh.cycle_seconds, 0.1)), rng.uniform(0, 360)
         elevation = rng.uniform(-60, 60)
         for light in LIGHTS:
-            seen = sitter.portrait(
+            seen = renderer.image(
                 seconds, azimuth, elevation, width=config.width, height=config.height, lighting=light_of(light, rng)
             )
-            pixels = encoded(seen.linear)[seen.coverage > 0.5] / 255.0
+            pixels = srgb_bytes(seen.linear)[seen.coverage > 0.5] / 255.0
             found[light].append(colour_statistics(pixels))
     return {light: np.stack(rows) for light, rows in found.items()}
 

@@ -4,30 +4,27 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json, write_text
 from aerojax.core.workers import run_jobs
+from aerojax.data.manifest import ENTRY, write_manifest, write_sequence_entry
 from aerojax.simulate.assets.catalogue import Identity, build_identity
-from aerojax.simulate.plan.dataset import CampaignConfig, SequenceTask, cast_of, count, work_list
-from aerojax.simulate.plan.sequence import draw_scene, site_of
+from aerojax.simulate.plan.dataset import DatasetConfig, SequenceTask, count, identities_by_split, work_list
+from aerojax.simulate.plan.environment import site_of
+from aerojax.simulate.plan.planner import plan_sequence
 from aerojax.simulate.publish.card import LICENCE_TEXT, readme_text
 from aerojax.simulate.publish.croissant import croissant_mapping
-from aerojax.simulate.publish.manifest import (
-    ENTRY,
-    begin_rig,
-    build_manifest,
-    complete,
-    sequence_entry,
-    write_json,
-    write_text,
-)
-from aerojax.simulate.record import Costs, record_scene
-from experiments._launch.command import provenance
-from experiments._launch.progress import progress_bar
+from aerojax.simulate.publish.manifest import RIGS, begin_rig, build_manifest, complete, sequence_entry
+from aerojax.simulate.record import Timings, record_scene
 
-PARTIAL = ".partial"
+Progress = Callable[[int, int, str], None]
+"""Done, total, and of what: `assets`, then `images`."""
+
+_PARTIAL = ".partial"
 
 
 @dataclass(frozen=True)
@@ -39,11 +36,11 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class Made:
+class GenerationResult:
     """What a run did: sequences made, what workers spent on them, seconds passed, and whether all of the set exists."""
 
     sequences: int
-    costs: Costs
+    timings: Timings
     seconds: float
     complete: bool
 
@@ -51,7 +48,7 @@ class Made:
 @dataclass(frozen=True)
 class _Job:
     task: SequenceTask
-    config: CampaignConfig
+    config: DatasetConfig
     dataset: Path
 
 
@@ -61,7 +58,15 @@ class _Build:
     assets: Path
 
 
-def make_dataset(config: CampaignConfig, dataset: Path, *, workers: int, shard: Shard, overwrite: bool = False) -> Made:
+def generate_dataset(
+    config: DatasetConfig,
+    dataset: Path,
+    *,
+    workers: int,
+    shard: Shard,
+    progress: Progress,
+    overwrite: bool = False,
+) -> GenerationResult:
     """Make what is missing of a data set; whoever finds it complete writes its manifest, card and licence.
 
     Args:
@@ -69,6 +74,7 @@ def make_dataset(config: CampaignConfig, dataset: Path, *, workers: int, shard: 
         dataset: folder; other rigs' sequences in it stay and are listed together with these.
         workers: processes.
         shard: takes every `count`-th sequence from `index` on.
+        progress: told of assets and of images as they are there.
         overwrite: make this rig's sequences of this shard again, whatever configuration they were made with.
 
     Raises:
@@ -82,67 +88,67 @@ def make_dataset(config: CampaignConfig, dataset: Path, *, workers: int, shard: 
     mine = everything[shard.index :: shard.count]
     if overwrite:
         _discard(dataset, config, mine)
-    origin = provenance()
-    begin_rig(dataset, config, {"versions": origin["versions"], "commit": origin["commit"]})
+    begin_rig(dataset, config)
     jobs = [_Job(task, config, dataset) for task in mine if not (dataset / task.folder / ENTRY).is_file()]
     jobs.sort(key=lambda job: site_of(job.task, config))  # workers keep the last site's landscape
-    begin, costs = time.perf_counter(), Costs()
+    begin, timings = time.perf_counter(), Timings()
     if jobs:
-        _build_assets(jobs, config, dataset, workers)
-        _make_all(jobs, count(config, everything).images // len(everything), costs, workers)
+        _build_assets(jobs, config, dataset, workers, progress)
+        images = count(config, everything).images // len(everything) * len(jobs)
+        timings = _make_all(jobs, images, workers, progress)
     done = complete(dataset, everything)
     if done:
-        write_manifest(dataset, config)
-    return Made(len(jobs), costs, time.perf_counter() - begin, done)
+        _publish(dataset, config)
+    return GenerationResult(len(jobs), timings, time.perf_counter() - begin, done)
 
 
-def _discard(dataset: Path, config: CampaignConfig, tasks: tuple[SequenceTask, ...]) -> None:
-    (dataset / "rigs" / f"{config.rig.name}.json").unlink(missing_ok=True)
+def _discard(dataset: Path, config: DatasetConfig, tasks: tuple[SequenceTask, ...]) -> None:
+    (dataset / RIGS / f"{config.rig.name}.json").unlink(missing_ok=True)
     for task in tasks:
         shutil.rmtree(dataset / task.folder, ignore_errors=True)
 
 
-def _build_assets(jobs: list[_Job], config: CampaignConfig, dataset: Path, workers: int) -> None:
+def _build_assets(jobs: list[_Job], config: DatasetConfig, dataset: Path, workers: int, progress: Progress) -> None:
     crowded = config.crowd.objects > 1 or config.crowd.birds > 0
-    everyone = [identity for cast in cast_of(config).values() for identity in cast]
+    everyone = [identity for split in identities_by_split(config).values() for identity in split]
     wanted = {job.task.identity.name for job in jobs}
     builds = [_Build(i, dataset / "assets") for i in everyone if crowded or i.name in wanted]
-    with progress_bar() as bar:
-        task = bar.add_task("assets", total=len(builds))
-        for _ in run_jobs(_build, builds, workers=workers):
-            bar.advance(task)
+    progress(0, len(builds), "assets")
+    for done, _ in enumerate(run_jobs(_build, builds, workers=workers), start=1):
+        progress(done, len(builds), "assets")
 
 
-def _make_all(jobs: list[_Job], images: int, costs: Costs, workers: int) -> None:
-    with progress_bar("images/s") as bar:
-        task = bar.add_task("images", total=images * len(jobs))
-        for spent in run_jobs(_make, jobs, workers=workers):
-            for item in fields(Costs):
-                setattr(costs, item.name, getattr(costs, item.name) + getattr(spent, item.name))
-            bar.advance(task, spent.images)
+def _make_all(jobs: list[_Job], images: int, workers: int, progress: Progress) -> Timings:
+    total = Timings()
+    progress(0, images, "images")
+    for spent in run_jobs(_make, jobs, workers=workers):
+        for item in fields(Timings):
+            setattr(total, item.name, getattr(total, item.name) + getattr(spent, item.name))
+        progress(total.images, images, "images")
+    return total
 
 
 def _build(build: _Build) -> None:
     build_identity(build.identity, build.assets)
 
 
-def _make(job: _Job) -> Costs:
+def _make(job: _Job) -> Timings:
     """One sequence: written beside its place and renamed when it is complete."""
     folder = job.dataset / job.task.folder
-    partial = folder.with_name(folder.name + PARTIAL)
+    partial = folder.with_name(folder.name + _PARTIAL)
     shutil.rmtree(partial, ignore_errors=True)
-    plan = draw_scene(job.task, job.config, job.dataset / "assets")
-    capture, costs = record_scene(plan, partial)
-    write_json(partial / ENTRY, sequence_entry(job.task, job.config, plan, capture))
+    plan = plan_sequence(job.task, job.config, job.dataset / "assets")
+    capture, timings = record_scene(plan, partial)
+    write_sequence_entry(sequence_entry(job.task, job.config, plan, capture, job.dataset), job.dataset, partial)
     shutil.rmtree(folder, ignore_errors=True)
     partial.rename(folder)
-    return costs
+    return timings
 
 
-def write_manifest(dataset: Path, config: CampaignConfig) -> None:
+def _publish(dataset: Path, config: DatasetConfig) -> None:
     """Write licence, card and metadata, and `dataset.json` last: where it exists, the data set is complete."""
     manifest = build_manifest(dataset, config)
     write_text(dataset / "LICENSE", LICENCE_TEXT)
     write_text(dataset / "README.md", readme_text(manifest))
-    write_json(dataset / "croissant.json", croissant_mapping(manifest))
-    write_json(dataset / "dataset.json", manifest)
+    write_json(dataset / "croissant.json", croissant_mapping(manifest, dataset))
+    write_manifest(manifest, dataset)

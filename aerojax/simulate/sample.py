@@ -1,28 +1,46 @@
-"""The capture that `classify` uses where none is given."""
+"""The capture that acts use where none is given: one identity that training never saw, simulated once."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from aerojax.capture.format import Capture
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
-from aerojax.simulate.assets.catalogue import identities
-from aerojax.simulate.plan.single import SequenceConfig, simulate_sequence
+from aerojax.simulate.assets.catalogue import Identity, identities
+from aerojax.simulate.plan.planner import SequenceConfig, plan_sample
+from aerojax.simulate.record import record_scene
+from aerojax.simulate.world.random_rigs import RandomRigConfig
+
+_NEAR = RandomRigConfig(span_px=(90.0, 90.0), distance=(12.0, 12.0))
 
 
 @dataclass(frozen=True)
 class SampleConfig:
-    """The capture that is simulated where none is given: which test identity, by class and seed."""
+    """The capture that is simulated where none is given.
 
-    label: str
-    seed: int
-    folder: Path
-    sequence: SequenceConfig
+    label, seed: class, and which of its test identities flies how.
+    folder: of all samples; each has one of its own in it.
+    sequence: cameras, length and images.
+    """
+
+    label: str = "drone"
+    seed: int = 3
+    folder: Path = Path("data/samples")
+    sequence: SequenceConfig = field(default_factory=lambda: SequenceConfig(rigs=(_NEAR,)))
 
 
 def sample_capture(config: SampleConfig, assets: Path) -> Path:
-    """A capture of an identity that training never saw, made once."""
+    """The folder of a capture of an identity that training never saw; it is made if it is not there.
+
+    Args:
+        config: which one.
+        assets: folder of identity stages, shared by sequences.
+
+    Raises:
+        UserError: `label` is no class.
+    """
     held_out = [i for i in identities("test", 3) if i.label == config.label]
     if not held_out:
         raise UserError(
@@ -33,3 +51,16 @@ def sample_capture(config: SampleConfig, assets: Path) -> Path:
     if not (folder / "capture.json").exists():
         simulate_sequence(identity, config.sequence, seed=config.seed, folder=folder, assets=assets)
     return folder
+
+
+def simulate_sequence(identity: Identity, config: SequenceConfig, *, seed: int, folder: Path, assets: Path) -> Capture:
+    """Fly one identity past a rig and write the capture.
+
+    Args:
+        identity: what flies; its stage is built in `assets` if it is not there.
+        config: rig, motion and images.
+        seed: decides everything; the same seed gives the same bytes.
+        folder: becomes the capture; `scene.usda` in it is the sequence's stage.
+        assets: folder of identity stages, shared by sequences.
+    """
+    return record_scene(plan_sample(identity, config, seed=seed, assets=assets), folder)[0]

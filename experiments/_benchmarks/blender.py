@@ -19,12 +19,14 @@ import cv2
 import numpy as np
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.core.colour import linear_from_srgb, srgb_from_linear
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.render.image import ImageConfig, Rendering
-from aerojax.simulate.render.scene import Dome, SceneRenderer, linear_from_srgb, srgb_from_linear
+from aerojax.simulate.render.environment import Dome
+from aerojax.simulate.render.image import ImageConfig, RenderedImage
+from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import AnimatedMesh, load_animated_mesh
-from aerojax.simulate.world.fixed_rigs import StationConfig, conditions, place_cameras
-from experiments._benchmarks.simulator import campaign
+from aerojax.simulate.world.fixed_rigs import FixedRigConfig, conditions, place_cameras
+from experiments._benchmarks.simulator import dataset_config
 from kernels.rays.raytrace import Lighting
 
 MISSING = "not measured: install .[bench], or name a Python that has bpy in BLENDER_PYTHON"
@@ -113,7 +115,7 @@ def export_scene(mesh: AnimatedMesh, folder: Path) -> None:
     (folder / "light.json").write_text(json.dumps(light))
 
 
-def view_of(camera: CaptureCamera, image: Rendering) -> dict[str, Any]:
+def view_of(camera: CaptureCamera, image: RenderedImage) -> dict[str, Any]:
     """A camera and the region of its image that the object fills."""
     return {
         "width": camera.width,
@@ -126,7 +128,7 @@ def view_of(camera: CaptureCamera, image: Rendering) -> dict[str, Any]:
 
 def ours(
     renderer: SceneRenderer, cameras: tuple[CaptureCamera, ...], pose: int
-) -> tuple[list[Rendering], float, float]:
+) -> tuple[list[RenderedImage], float, float]:
     """Pose the object and render every camera: images, wall-clock and processor seconds."""
     wall, cpu = time.perf_counter(), time.process_time()
     renderer.pose([SECONDS_BETWEEN_POSES * pose], np.eye(4)[None])
@@ -134,7 +136,7 @@ def ours(
     return images, time.perf_counter() - wall, time.process_time() - cpu
 
 
-def agreement(image: Rendering, cycles: np.ndarray, threshold: float) -> dict[str, float]:
+def agreement(image: RenderedImage, cycles: np.ndarray, threshold: float) -> dict[str, float]:
     """Of one window: IoU of the masks, mean difference of coverage at silhouettes, and of colour where both are whole.
 
     Args:
@@ -159,19 +161,19 @@ def agreement(image: Rendering, cycles: np.ndarray, threshold: float) -> dict[st
 
 
 def compare(
-    case: Case, station: StationConfig, one: Cycles, two: Cycles, mesh: AnimatedMesh, folder: Path
+    case: Case, fixed_rig: FixedRigConfig, one: Cycles, two: Cycles, mesh: AnimatedMesh, folder: Path
 ) -> dict[str, Any]:
     """Interleaved repetitions of one case, each with a new pose; medians of the time of one image.
 
     Args:
         case: what and from how far.
-        station: Sim-1's.
+        fixed_rig: Sim-1's.
         one, two: Blender on one and on two threads.
         mesh: of the identity.
         folder: where Blender's scene is and pictures go.
     """
-    condition = next(c for c in conditions(station) if c.radius == case.radius)
-    cameras = place_cameras(station, condition)
+    condition = next(c for c in conditions(fixed_rig) if c.radius == case.radius)
+    cameras = place_cameras(fixed_rig, condition)
     config = ImageConfig(samples=round(SAMPLES**0.5), rays_across=0)
     renderer = SceneRenderer((mesh,), Dome(LIGHT), config)
     images, _, _ = ours(renderer, cameras, 0)
@@ -214,8 +216,8 @@ def _ratio(times: dict[str, list[float]], other: str, clock: str) -> float:
 
 def measure() -> dict[str, Any] | str:
     """One test identity a class at several radii of Sim-1; a sentence where there is no Blender."""
-    python, station = blender_python(), campaign("sim1", "full").rig.station
-    if python is None or station is None:
+    python, fixed_rig = blender_python(), dataset_config("sim1", "full").rig.fixed
+    if python is None or fixed_rig is None:
         return MISSING
     rows, version = [], ""
     with tempfile.TemporaryDirectory() as name:
@@ -225,7 +227,7 @@ def measure() -> dict[str, Any] | str:
             export_scene(mesh, folder)
             with open_cycles(python, folder, 1) as one, open_cycles(python, folder, 2) as two:
                 version = one.version
-                rows += [compare(Case(identity, radius), station, one, two, mesh, folder) for radius in RADII]
+                rows += [compare(Case(identity, radius), fixed_rig, one, two, mesh, folder) for radius in RADII]
     keys = [key for key in rows[0] if key.startswith("times_faster")]
     return {
         "blender": version,

@@ -22,13 +22,15 @@ from aerojax.core.config import to_dataclass
 from aerojax.core.workers import run_jobs
 from aerojax.simulate import record
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.plan import sequence as staging
-from aerojax.simulate.plan.dataset import CampaignConfig, SequenceTask, work_list
+from aerojax.simulate.plan import planner
+from aerojax.simulate.plan.dataset import DatasetConfig, SequenceTask, work_list
+from aerojax.simulate.plan.scene import image_patterns
+from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.render.image import ImageConfig
 from aerojax.simulate.render.outdoors import Outdoors
-from aerojax.simulate.render.scene import Dome, SceneRenderer
+from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
-from aerojax.simulate.world.fixed_rigs import Condition, StationConfig, conditions, place_cameras
+from aerojax.simulate.world.fixed_rigs import Condition, FixedRigConfig, conditions, place_cameras
 from experiments._launch.command import CONF_DIR
 from experiments.generate_dataset import Config, plain
 from kernels.rays.raytrace import Lighting, SceneCaster
@@ -42,7 +44,7 @@ sequence is shared by more images, so its rate is higher."""
 REPEATS = 3
 
 STEPS: tuple[tuple[str, Any, str], ...] = (
-    ("plan", staging, "draw_scene"),
+    ("plan", planner, "plan_sequence"),
     ("pose", SceneRenderer, "pose"),
     ("cast", SceneCaster, "footprint"),
     ("cast", SceneCaster, "cast"),
@@ -50,7 +52,7 @@ STEPS: tuple[tuple[str, Any, str], ...] = (
     ("shade", SceneRenderer, "image"),
     ("encode", writing, "encode_png"),
     ("encode", writing, "encode_tiff"),
-    ("write", record, "write_rendering"),
+    ("write", record, "write_image"),
 )
 """Which functions count as which step. One inside another counts for itself alone; `cast` also evaluates the light of
 what its rays meet, `shade` puts the pixels together, `plan` includes the landscape's mesh."""
@@ -91,7 +93,7 @@ def stopwatch() -> Iterator[Stopwatch]:
         yield watch
 
 
-def campaign(rig: str, preset: str, *overrides: str) -> CampaignConfig:
+def dataset_config(rig: str, preset: str, *overrides: str) -> DatasetConfig:
     """The configuration of `python -m experiments.generate_dataset rig=… preset=…`."""
     with initialize_config_dir(str(CONF_DIR), version_base=None):
         values = compose("generate_dataset", overrides=[f"rig={rig}", f"preset={preset}", *overrides])
@@ -102,7 +104,7 @@ def campaign(rig: str, preset: str, *overrides: str) -> CampaignConfig:
 @dataclass(frozen=True)
 class _Job:
     tasks: tuple[SequenceTask, ...]
-    config: CampaignConfig
+    config: DatasetConfig
     folder: Path
 
 
@@ -116,7 +118,7 @@ class _Spent:
     steps: dict[str, float]
 
 
-def choose(config: CampaignConfig, count: int) -> tuple[SequenceTask, ...]:
+def choose(config: DatasetConfig, count: int) -> tuple[SequenceTask, ...]:
     """Sequences spread over the classes and conditions of a work list."""
     tasks = work_list(config)
     by_condition = sorted({task.condition for task in tasks})
@@ -130,14 +132,14 @@ def choose(config: CampaignConfig, count: int) -> tuple[SequenceTask, ...]:
 
 def _record(job: _Job) -> _Spent:
     first = replace(job.config, frames=1)
-    record.record_scene(staging.draw_scene(job.tasks[0], first, job.folder / "assets"), job.folder / "warm")
+    record.record_scene(planner.plan_sequence(job.tasks[0], first, job.folder / "assets"), job.folder / "warm")
     for task in job.tasks:
         build_identity(task.identity, job.folder / "assets")
     images = 0
     with stopwatch() as watch:
         wall, cpu = time.perf_counter(), time.process_time()
         for number, task in enumerate(job.tasks):
-            plan = staging.draw_scene(task, job.config, job.folder / "assets")
+            plan = planner.plan_sequence(task, job.config, job.folder / "assets")
             _, costs = record.record_scene(plan, job.folder / f"{number}")
             images += costs.images
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
@@ -146,7 +148,7 @@ def _record(job: _Job) -> _Spent:
 
 def throughput(rig: str, preset: str, sequences: int) -> dict[str, Any]:
     """Images a second of whole sequences (planned, rendered, written), one process, and its time by step."""
-    whole = campaign(rig, preset)
+    whole = dataset_config(rig, preset)
     config = replace(whole, frames=min(whole.frames, MOST_FRAMES))
     with tempfile.TemporaryDirectory() as folder:
         spent = _record(_Job(choose(config, sequences), config, Path(folder)))
@@ -165,7 +167,7 @@ def throughput(rig: str, preset: str, sequences: int) -> dict[str, Any]:
 
 def two_workers(rig: str, preset: str, sequences: int) -> dict[str, Any]:
     """Images a second of two processes at the same time beside one alone, each after its first sequence."""
-    config = campaign(rig, preset)
+    config = dataset_config(rig, preset)
     config = replace(config, frames=min(config.frames, MOST_FRAMES))
     tasks = choose(config, sequences)
     with tempfile.TemporaryDirectory() as folder:
@@ -189,14 +191,14 @@ def image_cost(identity: Identity, camera: CaptureCamera, folder: Path) -> dict[
     mesh = load_animated_mesh(build_identity(identity, folder / "assets"))
     images = ImageConfig()
     renderer = SceneRenderer((mesh,), Dome(Lighting()), images)
-    camera = record.image_patterns(camera, images)
+    camera = image_patterns(camera, images)
     times = []
     for repeat in range(REPEATS + 1):
         begin = time.process_time()
         renderer.pose([0.1 * repeat], np.eye(4)[None])
         image = renderer.image(camera)
         rendered = time.process_time()
-        record.write_rendering(folder, camera, repeat, image)
+        record.write_image(folder, camera, repeat, image)
         times.append((rendered - begin, time.process_time() - rendered))
     render, write = np.median(times[1:], axis=0).tolist()
     return {
@@ -214,13 +216,13 @@ def slope(rows: list[dict[str, float]], against: str, of: str = "cpu_s") -> floa
     return round(float(np.polyfit(x, y, 1)[0]), 3)
 
 
-def growth(station: StationConfig, identity: Identity) -> dict[str, Any]:
+def growth(fixed_rig: FixedRigConfig, identity: Identity) -> dict[str, Any]:
     """Cost against object pixels at one image size, and against image pixels at one object size."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
 
         def cost(radius: float, scale: float) -> dict[str, float]:
-            sized = replace(station, width=round(station.width * scale), height=round(station.height * scale))
+            sized = replace(fixed_rig, width=round(fixed_rig.width * scale), height=round(fixed_rig.height * scale))
             camera = place_cameras(sized, Condition("", radius, 20.0))[0]
             return image_cost(identity, camera, folder)
 
@@ -246,14 +248,14 @@ def growth(station: StationConfig, identity: Identity) -> dict[str, Any]:
 def measure() -> dict[str, Any]:
     """All figures, in about ten minutes on two quiet cores; processor time tells more where other programs run."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    station = campaign("sim1", "full").rig.station
-    assert station is not None and conditions(station)
+    fixed_rig = dataset_config("sim1", "full").rig.fixed
+    assert fixed_rig is not None and conditions(fixed_rig)
     load = os.getloadavg()[0]
     return {
         "cores": cores,
         "load_average": load,
         "throughput": [throughput(rig, preset, 2 if rig == "sim1" else 1) for rig in RIGS for preset in PRESETS],
         "two_workers": [two_workers(rig, "small", 1) for rig in RIGS],
-        "growth": growth(station, identities("test")[0]),
+        "growth": growth(fixed_rig, identities("test")[0]),
         "load_average_at_the_end": os.getloadavg()[0],
     }

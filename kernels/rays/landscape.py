@@ -13,14 +13,15 @@ from typing import Any, no_type_check
 import numpy as np
 import warp as wp
 
+from kernels.rays.colour import srgb_byte_function
 from kernels.rays.object_rays import structure
 from kernels.rays.raytrace import Lighting, Pinhole, SceneCaster
 
 PLAIN, FIELDS, FOLIAGE = 0, 1, 2
 """Kinds of faces: one colour with a little grain, farmland whose colour changes with the field, broken foliage."""
 
-Eye = structure(
-    "Eye",
+CameraRays = structure(
+    "CameraRays",
     rotation=wp.mat33,
     centre=wp.vec3,
     inverse_focal=wp.vec2,
@@ -31,7 +32,9 @@ Eye = structure(
 )
 """A camera; `pixels` is where the samples of edge pixels begin."""
 
-Air = structure("Air", to_sun=wp.vec3, sun=wp.vec3, sky=wp.vec3, ground=wp.vec3, extinction=float, airlight=wp.vec3)
+Atmosphere = structure(
+    "Atmosphere", to_sun=wp.vec3, sun=wp.vec3, sky=wp.vec3, ground=wp.vec3, extinction=float, airlight=wp.vec3
+)
 """Light and haze: what is scattered in, and the extinction a metre."""
 
 
@@ -67,8 +70,10 @@ class SurfaceBuffer:
 @no_type_check  # Warp compiles these from their source; a run-time checker around them would hide it
 @lru_cache(maxsize=1)
 def _kernels() -> tuple[Any, Any, Any]:
+    encoded = srgb_byte_function()
+
     @wp.func
-    def _direction(eye: Eye, pixel: int, part: int, side: int) -> wp.vec3:
+    def _direction(eye: CameraRays, pixel: int, part: int, side: int) -> wp.vec3:
         u = float(pixel % eye.width) + (float(part % side) + 0.5) / float(side)
         v = float(pixel // eye.width) + (float(part // side) + 0.5) / float(side)
         x = (u - eye.principal[0]) * eye.inverse_focal[0]
@@ -101,7 +106,7 @@ def _kernels() -> tuple[Any, Any, Any]:
         kind: wp.array(dtype=int),
         palette: wp.array(dtype=wp.vec3),
         seed: int,
-        eye: Eye,
+        eye: CameraRays,
         pixels: wp.array(dtype=int),
         first: int,
         side: int,
@@ -146,7 +151,7 @@ def _kernels() -> tuple[Any, Any, Any]:
         depth_out[first + tid] = depth
 
     @wp.func
-    def _pixel_and_part(eye: Eye, edges: wp.array(dtype=int), sample: int):
+    def _pixel_and_part(eye: CameraRays, edges: wp.array(dtype=int), sample: int):
         pixel = sample
         part = wp.int32(0)
         side = wp.int32(1)
@@ -159,7 +164,7 @@ def _kernels() -> tuple[Any, Any, Any]:
     @wp.kernel
     def _sunlit(
         mesh: wp.uint64,
-        eye: Eye,
+        eye: CameraRays,
         edges: wp.array(dtype=int),
         to_sun: wp.vec3,
         normal: wp.array(dtype=wp.vec3h),
@@ -195,18 +200,10 @@ def _kernels() -> tuple[Any, Any, Any]:
                     shaded = True
         return shaded
 
-    @wp.func
-    def _encoded(value: float) -> wp.uint8:
-        linear = wp.clamp(value, 0.0, 1.0)
-        encoded = 12.92 * linear
-        if linear > 0.0031308:
-            encoded = 1.055 * wp.pow(linear, 1.0 / 2.4) - 0.055
-        return wp.uint8(wp.int32(encoded * 255.0 + 0.5))
-
     @wp.kernel
     def _light(
-        eye: Eye,
-        air: Air,
+        eye: CameraRays,
+        air: Atmosphere,
         corner: wp.vec2i,
         columns: int,
         edge: wp.array(dtype=int),
@@ -255,9 +252,9 @@ def _kernels() -> tuple[Any, Any, Any]:
                 colour = clear * surface + (1.0 - clear) * air.airlight
             total += colour
         total = total / float(side * side)
-        image[3 * pixel] = _encoded(total[0])
-        image[3 * pixel + 1] = _encoded(total[1])
-        image[3 * pixel + 2] = _encoded(total[2])
+        image[3 * pixel] = encoded(total[0])
+        image[3 * pixel + 1] = encoded(total[1])
+        image[3 * pixel + 2] = encoded(total[2])
 
     return _cast, _sunlit, _light
 
@@ -367,7 +364,7 @@ class LandscapeCaster:
 
 
 def _eye(camera: Pinhole, edge_samples: int) -> Any:
-    eye = Eye()
+    eye = CameraRays()
     eye.rotation, eye.centre = wp.mat33(*camera.rotation.ravel().tolist()), wp.vec3(*camera.centre.tolist())
     eye.inverse_focal = wp.vec2(1.0 / float(camera.K[0, 0]), 1.0 / float(camera.K[1, 1]))
     eye.principal = wp.vec2(float(camera.K[0, 2]), float(camera.K[1, 2]))
@@ -376,7 +373,7 @@ def _eye(camera: Pinhole, edge_samples: int) -> Any:
 
 
 def _air(lighting: Lighting, haze: tuple[float, np.ndarray]) -> Any:
-    air, direction = Air(), np.asarray(lighting.sun_direction, np.float64)
+    air, direction = Atmosphere(), np.asarray(lighting.sun_direction, np.float64)
     air.to_sun = wp.vec3(*(direction / np.linalg.norm(direction)).tolist())
     air.sun = wp.vec3(*(lighting.sun * np.asarray(lighting.sun_colour)).tolist())
     air.sky = wp.vec3(*(lighting.sky * np.asarray(lighting.sky_colour)).tolist())

@@ -1,9 +1,9 @@
 """Ray casting of several moving triangle meshes, each in its own frame, with textures and shadows (NVIDIA Warp).
 
 One thread a pixel. Every object's rays run in a frame whose origin lies near that object, so that float32 keeps
-sub-millimetre depth from kilometres away, wherever the other objects are. A static mesh (scenery) may stand in front of
-the objects and shade them. Each pixel has a number of rays of its own: few where it is known to be covered wholly
-(see `footprint`), many where the object is small.
+sub-millimetre depth from kilometres away, wherever the other objects are. A static mesh (the landscape) may stand in
+front of the objects and shade them. Each pixel has a number of rays of its own: few where it is known to be covered
+wholly (see `footprint`), many where the object is small.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ View = structure(
     rotation=wp.mat33,
     inverse_focal=wp.vec2,
     principal=wp.vec2,
-    scenery_centre=wp.vec3,
+    world_centre=wp.vec3,
     width=int,
     samples=int,
     count=int,
 )
-"""A pinhole camera, the number of objects, and the centre of the camera in the frame of the scenery."""
+"""A pinhole camera, the number of objects, and its centre in the world frame, which is the static mesh's."""
 
 Light = structure(
     "Light",
@@ -62,9 +62,9 @@ Surfaces = structure(
     level_size=wp.array(dtype=wp.vec2i),
     first_level=wp.array(dtype=int),
     level_count=wp.array(dtype=int),
-    scenery=wp.uint64,
+    static_mesh=wp.uint64,
 )
-"""Everything about the objects, faces of all of them in one list; `scenery` is 0 where there is none."""
+"""Everything about the objects, faces of all of them in one list; `static_mesh` is 0 where there is none."""
 
 
 @no_type_check  # Warp compiles the kernel from its source; a run-time checker around it would hide it
@@ -123,9 +123,9 @@ def object_kernel() -> Any:
             moved = start + surfaces.centres[j] - surfaces.centres[k]
             if wp.mesh_query_ray_anyhit(surfaces.meshes[j], moved, light.to_sun, 1.0e6):
                 lit = False
-        if surfaces.scenery != wp.uint64(0):
-            moved = start - surfaces.centres[k] + view.scenery_centre
-            if wp.mesh_query_ray_anyhit(surfaces.scenery, moved, light.to_sun, 1.0e6):
+        if surfaces.static_mesh != wp.uint64(0):
+            moved = start - surfaces.centres[k] + view.world_centre
+            if wp.mesh_query_ray_anyhit(surfaces.static_mesh, moved, light.to_sun, 1.0e6):
                 lit = False
         return lit
 
@@ -147,8 +147,8 @@ def object_kernel() -> Any:
     @wp.func
     def _hidden(surfaces: Surfaces, view: View, direction: wp.vec3, t: float) -> bool:
         hidden = bool(False)
-        if surfaces.scenery != wp.uint64(0):
-            hidden = wp.mesh_query_ray_anyhit(surfaces.scenery, view.scenery_centre, direction, t)
+        if surfaces.static_mesh != wp.uint64(0):
+            hidden = wp.mesh_query_ray_anyhit(surfaces.static_mesh, view.world_centre, direction, t)
         return hidden
 
     @wp.func

@@ -10,7 +10,7 @@ import warp as wp
 
 from kernels.rays.footprint import footprint_kernel, neighbours
 from kernels.rays.object_rays import Light, Surfaces, View, object_kernel
-from kernels.rays.textures import build_pyramids, linear_of_byte
+from kernels.rays.textures import TexturePyramids
 
 Colour = tuple[float, float, float]
 WHITE: Colour = (1.0, 1.0, 1.0)
@@ -114,7 +114,8 @@ class SceneCaster:
     Args:
         surfaces: one an object.
         vertices: any first pose of each, metres (vertex, 3).
-        scenery: a static Warp mesh that hides and shades objects, and the world position of its frame's origin.
+        pyramids: of the textures of all surfaces, one surface's after the other's.
+        static_mesh: a Warp mesh in the world frame that hides and shades objects; None without one.
         device: a Warp device name; the default device if None.
     """
 
@@ -122,17 +123,18 @@ class SceneCaster:
         self,
         surfaces: tuple[Surface, ...],
         vertices: tuple[np.ndarray, ...],
+        pyramids: TexturePyramids,
         *,
-        scenery: Any = None,
+        static_mesh: Any = None,
         device: str | None = None,
     ):
         self._device = wp.get_device(device)
-        self._scenery = scenery
+        self._static_mesh = static_mesh
         self._meshes = [self._mesh(s.faces, v) for s, v in zip(surfaces, vertices, strict=True)]
         self._neighbours = [self._array(neighbours(s.faces).ravel(), wp.int32) for s in surfaces]
         self._origins = np.zeros((len(surfaces), 3))
         self._radii = np.ones(len(surfaces), np.float32)
-        self._surfaces = self._upload(surfaces, vertices)
+        self._surfaces = self._upload(surfaces, vertices, pyramids)
 
     def _array(self, values: np.ndarray, kind: Any) -> Any:
         return wp.array(np.ascontiguousarray(values), dtype=kind, device=self._device)
@@ -141,11 +143,12 @@ class SceneCaster:
         points = self._array(vertices.astype(np.float32), wp.vec3)
         return wp.Mesh(points=points, indices=self._array(faces.astype(np.int32).ravel(), wp.int32))
 
-    def _upload(self, surfaces: tuple[Surface, ...], vertices: tuple[np.ndarray, ...]) -> Any:
+    def _upload(
+        self, surfaces: tuple[Surface, ...], vertices: tuple[np.ndarray, ...], pyramids: TexturePyramids
+    ) -> Any:
         counts = np.array([len(s.faces) for s in surfaces])
         shift = np.cumsum([0, *(len(s.textures) for s in surfaces)])
         texture = [np.where(s.texture >= 0, s.texture + at, -1) for s, at in zip(surfaces, shift, strict=False)]
-        pyramids = build_pyramids(tuple(t for s in surfaces for t in s.textures))
         density = [texture_density(s, v) for s, v in zip(surfaces, vertices, strict=True)]
         packed = Surfaces()
         packed.meshes = self._array(np.array([m.id for m in self._meshes], np.uint64), wp.uint64)
@@ -155,12 +158,12 @@ class SceneCaster:
         packed.texture = self._array(np.concatenate(texture).astype(np.int32), wp.int32)
         packed.density = self._array(np.concatenate(density), wp.float32)
         packed.texels = self._array(pyramids.texels, wp.uint8)
-        packed.linear = self._array(linear_of_byte(), wp.float32)
+        packed.linear = self._array(pyramids.linear, wp.float32)
         packed.level_start = self._array(pyramids.start, wp.int32)
         packed.level_size = self._array(pyramids.size, wp.vec2i)
         packed.first_level = self._array(pyramids.first, wp.int32)
         packed.level_count = self._array(pyramids.count, wp.int32)
-        packed.scenery = wp.uint64(self._scenery.id if self._scenery is not None else 0)
+        packed.static_mesh = wp.uint64(self._static_mesh.id if self._static_mesh is not None else 0)
         return packed
 
     def pose(self, index: int, turned: np.ndarray, origin: np.ndarray) -> None:
@@ -239,7 +242,7 @@ class SceneCaster:
         view.rotation = wp.mat33(*camera.rotation.ravel().tolist())
         view.inverse_focal = wp.vec2(1.0 / float(camera.K[0, 0]), 1.0 / float(camera.K[1, 1]))
         view.principal = wp.vec2(float(camera.K[0, 2]), float(camera.K[1, 2]))
-        view.scenery_centre = wp.vec3(*camera.centre.tolist())
+        view.world_centre = wp.vec3(*camera.centre.tolist())
         view.width, view.samples, view.count = camera.width, samples, len(self._meshes)
         return view
 

@@ -14,52 +14,17 @@ import warp as wp
 class TexturePyramids:
     """Texels of every level of every texture, row by row, and where each level lies.
 
-    texels: sRGB bytes. start: first byte of a level. size: width and height of a level.
+    texels: sRGB bytes. linear: linear light of each of the 256 bytes.
+    start: first byte of a level. size: width and height of a level.
     first: first level of a texture. count: its levels, finest first.
     """
 
     texels: np.ndarray
+    linear: np.ndarray
     start: np.ndarray
     size: np.ndarray
     first: np.ndarray
     count: np.ndarray
-
-
-@lru_cache(maxsize=1)
-def linear_of_byte() -> np.ndarray:
-    """Linear light of the 256 sRGB bytes (IEC 61966-2-1)."""
-    encoded = np.arange(256) / 255.0
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
-def _halved(linear: np.ndarray) -> np.ndarray:
-    """Mean of 2x2 texels; an odd last row or column is left out, a side of one texel stays."""
-    height, width = max(linear.shape[0] // 2, 1), max(linear.shape[1] // 2, 1)
-    rows = linear[: 2 * height].reshape(height, -1, linear.shape[1], 3).mean(axis=1)
-    return rows[:, : 2 * width].reshape(height, width, -1, 3).mean(axis=2)
-
-
-def _bytes_of_linear(linear: np.ndarray) -> np.ndarray:
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
-    return np.round(encoded * 255.0).astype(np.uint8)
-
-
-def build_pyramids(textures: tuple[np.ndarray, ...]) -> TexturePyramids:
-    """Halve each texture (height, width, 3; sRGB bytes) in linear light until a side is one texel."""
-    levels, first, count = [], [], []
-    for texture in textures:
-        first.append(len(levels))
-        levels.append(texture)
-        linear = linear_of_byte()[texture]
-        while min(linear.shape[:2]) > 1:
-            linear = _halved(linear)
-            levels.append(_bytes_of_linear(linear))
-        count.append(len(levels) - first[-1])
-    sizes = np.array([(level.shape[1], level.shape[0]) for level in levels] or [(1, 1)], np.int32)
-    length = np.array([level.size for level in levels] or [3], np.int64)
-    texels = np.concatenate([level.ravel() for level in levels]) if levels else np.zeros(3, np.uint8)
-    start = (np.cumsum(length) - length).astype(np.int32)
-    return TexturePyramids(texels, start, sizes, np.array(first or [0], np.int32), np.array(count or [1], np.int32))
 
 
 @no_type_check  # Warp compiles these from their source; a run-time checker around them would hide it

@@ -18,7 +18,7 @@ from experiments import describe_dataset, generate_dataset
 
 pytestmark = pytest.mark.slow
 SMALL = ("rig=sim1", "preset=smoke", "classes=[bird]", "frames=2", "images.normals=false", "images.flow=false")
-SIZE = ("rig.station.width=640", "rig.station.height=360", "rig.station.focal_px=1400.0", "radii=[4,32]")
+SIZE = ("rig.fixed.width=640", "rig.fixed.height=360", "rig.fixed.focal_px=1400.0", "radii=[4,32]")
 IMAGES = 2 * 2 * 2 * 2 * 4  # splits, radii, elevations, frames, cameras
 
 

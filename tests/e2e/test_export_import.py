@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,16 +11,17 @@ from support.command_line import run_command
 
 from aerojax.capture.format import read_capture
 from aerojax.capture.frames import read_depth, read_mask
-from aerojax.simulate.assets.catalogue import build_identity, identities
-from aerojax.simulate.plan.single import SequenceConfig, draw_sequence, simulate_sequence
-from aerojax.simulate.record import Actor, ScenePlan, image_patterns, record_scene
+from aerojax.simulate.assets.catalogue import identities
+from aerojax.simulate.plan.planner import SequenceConfig, plan_sample
+from aerojax.simulate.plan.scene import flying_object, image_patterns
+from aerojax.simulate.record import record_scene
 from aerojax.simulate.render.image import ImageConfig
-from aerojax.simulate.render.scene import Dome
+from aerojax.simulate.sample import simulate_sequence
 from aerojax.simulate.world.flight import Flight
-from aerojax.simulate.world.rigs import RigConfig
+from aerojax.simulate.world.random_rigs import RandomRigConfig
 from experiments import export_dataset, import_replicator
 
-CONFIG = SequenceConfig(rigs=(RigConfig(kind="circle", cameras=3, width=320, height=240),), frames=3, samples=1)
+CONFIG = SequenceConfig(rigs=(RandomRigConfig(kind="circle", cameras=3, width=320, height=240),), frames=3, samples=1)
 
 
 @pytest.fixture(scope="module")
@@ -29,16 +31,17 @@ def simulated(tmp_path_factory):
     chosen = {identity.label: identity for identity in identities("val", 1)}
     assets = folder / "assets"
     simulate_sequence(chosen["drone"], CONFIG, seed=7, folder=folder / "set/val/drone", assets=assets)
-    plan = draw_sequence("bird", CONFIG, seed=7)
-    away = np.linspace([0.5, 0.0, 0.3], [12.0, 0.0, 9.0], CONFIG.frames)
-    actors = [
-        Actor(chosen[label], build_identity(chosen[label], assets), _moved(plan.flight, plan.origin + shift), 0.0)
-        for label, shift in (("bird", 0.0), ("helicopter", away))
-    ]
+    plan = plan_sample(chosen["bird"], CONFIG, seed=7, assets=assets)
+    flight, away = plan.objects[0].flight, np.linspace([0.5, 0.0, 0.3], [12.0, 0.0, 9.0], CONFIG.frames)
+    objects = (
+        flying_object(chosen["bird"], assets, flight, 0.0),
+        flying_object(chosen["helicopter"], assets, _moved(flight, away), 0.0),
+    )
     images = ImageConfig(samples=1, normals=True)
     cameras = tuple(image_patterns(camera, images) for camera in plan.cameras)
-    sky = Dome(light=plan.lighting, by_camera={c.name: d for c, d in zip(cameras, plan.domes, strict=True)})
-    record_scene(ScenePlan(tuple(actors), cameras, cameras, sky, images, CONFIG.frames, 30.0), folder / "set/val/pair")
+    record_scene(
+        replace(plan, objects=objects, cameras=cameras, calibration=cameras, images=images), folder / "set/val/pair"
+    )
     return folder
 
 

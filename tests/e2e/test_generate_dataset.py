@@ -22,12 +22,12 @@ from aerojax.capture.format import read_capture
 from aerojax.capture.frames import read_coverage, read_depth, read_flow, read_mask, read_normal
 from aerojax.capture.validate.examination import problems
 from aerojax.geometry.boxes import box_iou
-from aerojax.simulate.render.scene import project
+from aerojax.geometry.cameras import project_points
 from experiments import generate_dataset
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = ("rig=sim1", "preset=smoke", "classes=[bird,drone]", "sequences.train=0", "frames=2", "images.samples=2")
-SIZE = ("rig.station.width=640", "rig.station.height=360", "rig.station.focal_px=1400.0")
+SIZE = ("rig.fixed.width=640", "rig.fixed.height=360", "rig.fixed.focal_px=1400.0")
 SEQUENCES = 4  # two identities, two elevations
 pytestmark = pytest.mark.slow
 
@@ -142,7 +142,7 @@ def test_truth_fits_the_images(dataset):
                 assert state.bbox[name] == tuple(float(v) for v in box) and state.visible[name]
                 assert state.visibility[name] == pytest.approx(1.0, abs=1e-6) and not state.truncated[name]
                 overlaps.append(box_iou(state.bbox[name], state.projected_box[name]))
-                centre = project(np.array([state.surface_centroid[name]]), camera)[0]
+                centre = project_points(np.array([state.surface_centroid[name]]), camera)[0]
                 y, x = np.nonzero(coverage)
                 weight = coverage[y, x]
                 offsets.append(

@@ -22,7 +22,8 @@ from aerojax.gaussians.rotate import covariance, rotate
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.simulate.assets.catalogue import identities
-from aerojax.simulate.plan.single import SequenceConfig, simulate_sequence
+from aerojax.simulate.plan.planner import SequenceConfig
+from aerojax.simulate.sample import simulate_sequence
 from aerojax.simulate.world.random_rigs import RandomRigConfig
 
 FRAMES, TOKENS = 6, 128

@@ -7,8 +7,8 @@ import importlib.util
 import numpy as np
 import pytest
 
-from aerojax.simulate.render.image import Rendering
-from aerojax.simulate.render.scene import srgb_from_linear
+from aerojax.core.colour import srgb_from_linear
+from aerojax.simulate.render.image import RenderedImage
 from experiments._benchmarks import blender, simulator
 
 
@@ -37,14 +37,14 @@ def test_slope_is_the_power():
 
 
 def test_chosen_sequences_spread_over_classes_and_radii():
-    config = simulator.campaign("sim1", "small")
+    config = simulator.dataset_config("sim1", "small")
     tasks = simulator.choose(config, 4)
     assert len({task.identity.label for task in tasks}) == 4
     assert len({task.condition for task in tasks}) == 4
 
 
 def test_a_sequence_is_recorded_and_its_time_divided(tmp_path):
-    config = simulator.replace(simulator.campaign("sim2", "smoke"), frames=1)
+    config = simulator.replace(simulator.dataset_config("sim2", "smoke"), frames=1)
     job = simulator._Job(simulator.choose(config, 1), config, tmp_path)
     spent = simulator._record(job)
     assert spent.images == 5
@@ -61,12 +61,12 @@ def test_steps_are_timed_only_inside():
     assert all(getattr(o, n) is b for (_, o, n), b in zip(simulator.STEPS, before, strict=True))
 
 
-def picture() -> Rendering:
+def picture() -> RenderedImage:
     """A square of 4×4 whole pixels in a window of 6×6 with a border of half coverage."""
     coverage = np.full((6, 6), 0.5, np.float32)
     coverage[1:5, 1:5] = 1.0
     rgb = np.random.default_rng(0).uniform(0.2, 0.8, (6, 6, 3)).astype(np.float32)
-    return Rendering(
+    return RenderedImage(
         width=6,
         height=6,
         window=(0, 0, 6, 6),
@@ -82,7 +82,7 @@ def picture() -> Rendering:
     )
 
 
-def seen_by_cycles(image: Rendering) -> np.ndarray:
+def seen_by_cycles(image: RenderedImage) -> np.ndarray:
     """The same picture as Cycles would store it."""
     linear = np.linspace(0, 1, 4097, dtype=np.float32)
     decoded = np.interp(image.rgb, srgb_from_linear(linear), linear).astype(np.float32)

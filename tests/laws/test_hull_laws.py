@@ -17,8 +17,9 @@ from aerojax.geometry.cameras import look_at, project_points
 from aerojax.geometry.rotations import rotation_from_quaternion
 from aerojax.reconstruct.hull import HullConfig, visual_hull
 from aerojax.simulate.assets.catalogue import build_identity, identities
+from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.render.image import ImageConfig
-from aerojax.simulate.render.scene import Dome, SceneRenderer
+from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 
 SIZE = 96

@@ -11,18 +11,20 @@ import trimesh
 
 from aerojax.capture.format import Capture, read_capture
 from aerojax.capture.frames import read_depth, read_mask
+from aerojax.core.seeds import number_of
 from aerojax.geometry.boxes import box_iou
 from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.plan.single import SequenceConfig, SequencePlan, draw_sequence, sequence_seed, simulate_sequence
+from aerojax.simulate.plan.planner import SequenceConfig, plan_sample
 from aerojax.simulate.render.image import ImageConfig
-from aerojax.simulate.render.scene import Dome, SceneRenderer
+from aerojax.simulate.render.scene import SceneRenderer
+from aerojax.simulate.sample import simulate_sequence
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
-from aerojax.simulate.usd.sequence_stage import body_poses
-from aerojax.simulate.world.rigs import RigConfig
+from aerojax.simulate.usd.scene_stage import body_poses
+from aerojax.simulate.world.random_rigs import RandomRigConfig
 
 # Depth belongs to pixel centres, masks to pixels covered by a quarter: the fewer pixels a thin part spans, the more of
 # its mask has no depth (85 to 93 % of the mask has one at 100 px a metre).
-SMALL = RigConfig(cameras=3, width=360, height=280, span_px=(190.0, 210.0), distance=(10.0, 10.0))
+SMALL = RandomRigConfig(cameras=3, width=360, height=280, span_px=(190.0, 210.0), distance=(10.0, 10.0))
 CONFIG = SequenceConfig(rigs=(SMALL,), frames=2, samples=3, max_travel=0.2)
 SEED = 11
 ONE_A_CLASS = identities("test", 1)
@@ -43,10 +45,13 @@ def flown(request, assets, tmp_path_factory) -> tuple[Identity, Capture]:
 def posed_mesh(identity: Identity, capture: Capture, frame: int, assets: Path) -> trimesh.Trimesh:
     """The mesh where the truth file and the plan say that it is, metres, world frame."""
     mesh = load_animated_mesh(build_identity(identity, assets))
-    plan = draw_sequence(identity.label, CONFIG, seed=SEED)
+    phase = plan_sample(identity, CONFIG, seed=SEED, assets=assets).objects[0].phase
     state = capture.truth.objects[0].frames[frame]
     pose = trimesh.transformations.quaternion_matrix(state.orientation_wxyz)
-    vertices = mesh.vertices_at(plan.phase + frame / CONFIG.fps).astype(np.float64) @ pose[:3, :3].T + state.position
+    vertices = (
+        mesh.vertices_at(phase + frame / CONFIG.fps).astype(np.float64) @ pose[:3, :3].T
+        + state.position
+    )
     return trimesh.Trimesh(vertices, mesh.faces, process=False)
 
 
@@ -56,13 +61,13 @@ def rays(camera, pixels: np.ndarray) -> np.ndarray:
     return homogeneous @ np.linalg.inv(camera.K).T @ camera.world_from_cam[:3, :3].T
 
 
-def test_truth_is_the_flight_of_the_stage(flown):
+def test_truth_is_the_flight_of_the_stage(flown, assets):
     identity, capture = flown
-    plan = draw_sequence(identity.label, CONFIG, seed=SEED)
+    flight = plan_sample(identity, CONFIG, seed=SEED, assets=assets).objects[0].flight
     poses = body_poses(capture.folder / "scene.usda")
     states = capture.truth.objects[0].frames
-    np.testing.assert_allclose(poses[:, :3, 3], plan.flight.position + plan.origin, atol=1e-12)
-    np.testing.assert_allclose(poses[:, :3, :3], plan.flight.world_from_body, atol=1e-12)
+    np.testing.assert_allclose(poses[:, :3, 3], flight.position, atol=1e-12)
+    np.testing.assert_allclose(poses[:, :3, :3], flight.world_from_body, atol=1e-12)
     np.testing.assert_allclose([s.position for s in states], poses[:, :3, 3], atol=1e-12)
     for state, pose in zip(states, poses, strict=True):
         matrix = trimesh.transformations.quaternion_matrix(state.orientation_wxyz)
@@ -118,13 +123,12 @@ def test_depth_agrees_with_another_ray_caster(flown, assets):
 
 def overlaps(identity: Identity, seed: int, config: SequenceConfig, assets: Path) -> list[float]:
     """IoU of mask boxes with the boxes of the projected vertices, one a frame and camera; masks only."""
-    plan: SequencePlan = draw_sequence(identity.label, config, seed=seed)
-    mesh = load_animated_mesh(build_identity(identity, assets))
-    renderer, found = SceneRenderer((mesh,), Dome(plan.lighting), ImageConfig()), []
-    for frame, rotation in enumerate(plan.flight.world_from_body):
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation, plan.origin + plan.flight.position[frame]
-        renderer.pose([plan.phase + frame / config.fps], pose[None])
+    plan = plan_sample(identity, config, seed=seed, assets=assets)
+    (flown,) = plan.objects
+    mesh = load_animated_mesh(flown.asset)
+    renderer, found = SceneRenderer((mesh,), plan.environment, ImageConfig()), []
+    for frame, pose in enumerate(flown.flight.transforms()):
+        renderer.pose([flown.phase + frame / config.fps], pose[None])
         for camera in plan.cameras:
             view = renderer.image(camera).objects[0]
             assert view.box is not None and view.projected_box is not None
@@ -133,11 +137,11 @@ def overlaps(identity: Identity, seed: int, config: SequenceConfig, assets: Path
 
 
 def test_masks_fill_the_boxes_of_the_projected_mesh(assets):
-    rig = RigConfig(cameras=4, width=260, height=220, span_px=(40.0, 150.0), elevation_deg=(-45.0, 50.0))
+    rig = RandomRigConfig(cameras=4, width=260, height=220, span_px=(40.0, 150.0), elevation_deg=(-45.0, 50.0))
     config = SequenceConfig(rigs=(rig,), frames=2, fps=3.0, motion="in_place", samples=3)
     values = {label: [] for label in ("bird", "drone", "airplane", "helicopter")}
     for identity in identities("train", 6):
-        values[identity.label] += overlaps(identity, sequence_seed(0, identity.name), config, assets)
+        values[identity.label] += overlaps(identity, number_of(0, identity.name), config, assets)
     medians = {label: round(float(np.median(v)), 4) for label, v in values.items()}
     everything = np.concatenate(list(values.values()))
     print(f"box IoU: median {np.median(everything):.4f}, 5 % {np.quantile(everything, 0.05):.4f}, by class {medians}")
@@ -162,5 +166,5 @@ def test_the_seed_decides_every_byte(assets, tmp_path):
 
 
 def test_sequence_seeds_depend_on_name_and_data_set_alone():
-    assert sequence_seed(0, "bird_gull_00_000") == sequence_seed(0, "bird_gull_00_000")
-    assert len({sequence_seed(s, n) for s in (0, 1) for n in ("a", "b", "1/a")}) == 6
+    assert number_of(0, "bird_gull_00_000") == number_of(0, "bird_gull_00_000")
+    assert len({number_of(s, n) for s in (0, 1) for n in ("a", "b", "1/a")}) == 6

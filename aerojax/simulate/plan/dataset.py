@@ -9,44 +9,44 @@ from typing import Literal
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
+from aerojax.data.splits import SPLITS
 from aerojax.simulate.assets.catalogue import Identity, identities
 from aerojax.simulate.assets.importers.identities import imported_identities
 from aerojax.simulate.render.image import ImageConfig
-from aerojax.simulate.world.fixed_rigs import StationConfig, Volume, conditions
+from aerojax.simulate.world.fixed_rigs import FixedRigConfig, conditions
 from aerojax.simulate.world.flight import Motion
-from aerojax.simulate.world.landscape import SceneryConfig
-from aerojax.simulate.world.rigs import RigConfig
+from aerojax.simulate.world.landscape import LandscapeConfig
+from aerojax.simulate.world.random_rigs import RandomRigConfig
+from aerojax.simulate.world.rigs import Volume
 from aerojax.simulate.world.sensor import SensorConfig
-
-SPLITS = ("train", "val", "test")
 
 
 @dataclass(frozen=True)
-class NetworkConfig:
-    """A camera network and what happens before it.
+class RigConfig:
+    """A camera rig and what happens in front of it.
 
     name: begins the name of every sequence.
-    station: cameras at fixed places; None draws one of `rigs` for each sequence.
-    rigs: networks to draw from, where there is no station.
+    fixed: cameras at fixed places; None draws one of `random` for each sequence.
+    random: rigs to draw from, where there is no fixed one.
     motion: `flight`, or `in_place` as in the published Sim-1.
     volume: the monitored box, in which all of every path stays.
     max_travel: metres that a path may span.
     min_cameras: how many cameras at least see an object in every frame, obstacles aside.
     environment: a white dome, one sky colour a camera, or a landscape under a moving sun.
-    scenery: of the landscape; sky, sun and weather are drawn for each sequence.
+    landscape: what stands in it; sky, sun and weather are drawn for each sequence.
     sun_rate: degrees a second by which the sun moves (the real one: 0.004).
     sites: different landscapes that the sequences share, each with its own days; 0 gives every sequence its own.
     """
 
     name: str
-    station: StationConfig | None = None
-    rigs: tuple[RigConfig, ...] = ()
+    fixed: FixedRigConfig | None = None
+    random: tuple[RandomRigConfig, ...] = ()
     motion: Motion = "flight"
     volume: Volume = field(default_factory=Volume)
     max_travel: float = 40.0
     min_cameras: int = 3
     environment: Literal["white", "sky", "outdoor"] = "white"
-    scenery: SceneryConfig = field(default_factory=SceneryConfig)
+    landscape: LandscapeConfig = field(default_factory=LandscapeConfig)
     sun_rate: float = 0.1
     sites: int = 0
 
@@ -81,13 +81,13 @@ class FaultConfig:
 
 
 @dataclass(frozen=True)
-class CampaignConfig:
+class DatasetConfig:
     """What decides the bytes of a data set's sequences.
 
     seed: of everything.
-    rig: network, motion and environment.
+    rig: cameras, motion and environment.
     frames, fps: of a sequence.
-    radii: of the station, only these; empty takes all.
+    radii: of the fixed rig, only these; empty takes all.
     sequences: by split, for each identity and condition of the rig.
     images: kinds and quality.
     classes: only these; empty takes all four.
@@ -98,7 +98,7 @@ class CampaignConfig:
     """
 
     seed: int
-    rig: NetworkConfig
+    rig: RigConfig
     frames: int
     fps: float
     sequences: dict[str, int]
@@ -128,16 +128,16 @@ class SequenceTask:
         return f"{self.identity.split}/{self.name}"
 
 
-def station_of(config: CampaignConfig) -> StationConfig | None:
-    """The rig's station with the radii that the data set takes."""
-    station = config.rig.station
-    return dataclasses.replace(station, radii=config.radii) if station is not None and config.radii else station
+def fixed_rig(config: DatasetConfig) -> FixedRigConfig | None:
+    """The rig's fixed cameras with the radii that the data set takes; None where rigs are drawn."""
+    fixed = config.rig.fixed
+    return dataclasses.replace(fixed, radii=config.radii) if fixed is not None and config.radii else fixed
 
 
-def cast_of(config: CampaignConfig) -> dict[str, tuple[Identity, ...]]:
+def identities_by_split(config: DatasetConfig) -> dict[str, tuple[Identity, ...]]:
     """By split, the identities of the data set: the catalogue's, and the user's own models behind them."""
     own = imported_identities(config.models) if config.models is not None else ()
-    found = {}
+    found: dict[str, tuple[Identity, ...]] = {}
     for split in SPLITS:
         everyone = (*identities(split, per_family=config.crowd.per_family), *(i for i in own if i.split == split))
         found[split] = tuple(i for i in everyone if not config.classes or i.label in config.classes)
@@ -156,20 +156,20 @@ def _first_of_each(everyone: tuple[Identity, ...], count: int) -> tuple[Identity
     return tuple(kept)
 
 
-def work_list(config: CampaignConfig) -> tuple[SequenceTask, ...]:
+def work_list(config: DatasetConfig) -> tuple[SequenceTask, ...]:
     """Every sequence of the data set, in an order that holds early all classes.
 
     Raises:
         UserError: a number makes no sense; the message names the key.
     """
-    check(config)
-    station = station_of(config)
-    names = [c.name for c in conditions(station)] if station is not None else [""]
+    _check(config)
+    fixed = fixed_rig(config)
+    names = [c.name for c in conditions(fixed)] if fixed is not None else [""]
     tasks = []
-    for split, cast in cast_of(config).items():
+    for split, everyone in identities_by_split(config).items():
         for repeat in range(config.sequences.get(split, 0)):
             for index, condition in enumerate(names):
-                for identity in cast:
+                for identity in everyone:
                     parts = (config.rig.name, identity.name, condition, f"{repeat:02d}")
                     tasks.append(SequenceTask("_".join(p for p in parts if p), identity, index, repeat))
     if not tasks:
@@ -177,7 +177,7 @@ def work_list(config: CampaignConfig) -> tuple[SequenceTask, ...]:
     return tuple(tasks)
 
 
-def check(config: CampaignConfig) -> None:
+def _check(config: DatasetConfig) -> None:
     """Refuse numbers that make no sense.
 
     Raises:
@@ -191,7 +191,7 @@ def check(config: CampaignConfig) -> None:
         (config.fps <= 0, f"fps is {config.fps:g}; it must be positive"),
         (config.images.samples < 1, f"images.samples is {config.images.samples}; use 1 or more"),
         (config.images.rays_across < 0, f"images.rays_across is {config.images.rays_across}; use 0 or more"),
-        (rig.station is None and not rig.rigs, f"rig {rig.name} has neither a station nor rigs; give one of them"),
+        (rig.fixed is None and not rig.random, f"rig {rig.name} has neither a fixed rig nor random ones; give one"),
         (set(config.classes) - set(CLASSES), f"classes has {list(config.classes)}; use {', '.join(CLASSES)}"),
         (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),
         (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),
@@ -200,8 +200,8 @@ def check(config: CampaignConfig) -> None:
         (not 0 <= config.randomisation <= 1, f"randomisation is {config.randomisation:g}; use 0 (none) to 1"),
         (min(dataclasses.astuple(faults)) < 0, "faults has a negative size; use 0 for none"),
         (
-            config.radii and (rig.station is None or not set(config.radii) <= set(rig.station.radii)),
-            f"radii is {list(config.radii)}; choose among {list(rig.station.radii) if rig.station else []} of the rig",
+            config.radii and (rig.fixed is None or not set(config.radii) <= set(rig.fixed.radii)),
+            f"radii is {list(config.radii)}; choose among {list(rig.fixed.radii) if rig.fixed else []} of the rig",
         ),
     ]
     for fault, message in wrong:
@@ -219,9 +219,9 @@ class Counts:
     images: int
 
 
-def count(config: CampaignConfig, tasks: tuple[SequenceTask, ...]) -> Counts:
+def count(config: DatasetConfig, tasks: tuple[SequenceTask, ...]) -> Counts:
     """Counts of a work list; images count one a camera and frame, whatever their kinds."""
     frames = len(tasks) * config.frames
-    station = config.rig.station
-    cameras = station.cameras if station is not None else max(rig.cameras for rig in config.rig.rigs)
+    fixed = config.rig.fixed
+    cameras = fixed.cameras if fixed is not None else max(rig.cameras for rig in config.rig.random)
     return Counts(len({task.identity.name for task in tasks}), len(tasks), frames, frames * cameras)

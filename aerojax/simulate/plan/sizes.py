@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerojax.simulate.plan.dataset import CampaignConfig, SequenceTask, station_of
+from aerojax.simulate.plan.dataset import DatasetConfig, SequenceTask, fixed_rig
 from aerojax.simulate.world.fixed_rigs import conditions
 
 _CONSTANT = {"rgb": 1.0, "mask": 0.7, "coverage": 0.35, "normal": 2.0}
@@ -19,7 +19,7 @@ _SPAN = 0.7
 """Area of the window of an object that is 1 m long, in square metres."""
 
 
-def estimated_bytes(config: CampaignConfig, tasks: tuple[SequenceTask, ...]) -> int:
+def estimated_bytes(config: DatasetConfig, tasks: tuple[SequenceTask, ...]) -> int:
     """Bytes of all images of a work list, within a factor of two; sequences' other files are small beside them."""
     flags = config.images
     kinds = ["rgb", "mask"]
@@ -32,33 +32,33 @@ def estimated_bytes(config: CampaignConfig, tasks: tuple[SequenceTask, ...]) -> 
     return round(sum(by_condition[task.condition] for task in tasks) * cameras * config.frames)
 
 
-def _cameras(config: CampaignConfig) -> float:
-    station = config.rig.station
-    return float(station.cameras) if station is not None else float(np.mean([rig.cameras for rig in config.rig.rigs]))
+def _cameras(config: DatasetConfig) -> float:
+    fixed = config.rig.fixed
+    return float(fixed.cameras) if fixed is not None else float(np.mean([rig.cameras for rig in config.rig.random]))
 
 
-def _image_set(config: CampaignConfig, condition: int, kinds: list[str]) -> float:
+def _image_set(config: DatasetConfig, condition: int, kinds: list[str]) -> float:
     """Bytes of one camera's files of one frame."""
     pixels, span = _geometry(config, condition)
-    window = min(_SPAN * len_of_crowd(config) * span**2, pixels)
+    window = min(_SPAN * _objects(config) * span**2, pixels)
     total = sum(_PER_PIXEL[kind] * window for kind in kinds)
     total += sum(_CONSTANT[kind] * (pixels - window) / 1000 for kind in kinds if kind in _CONSTANT)
     total += sum(_EMPTY_TIFF[kind] * 1000 * pixels / (2560 * 1440) for kind in kinds if kind in _EMPTY_TIFF)
     return total + (_LANDSCAPE * pixels if config.rig.environment == "outdoor" else 0.0)
 
 
-def len_of_crowd(config: CampaignConfig) -> int:
+def _objects(config: DatasetConfig) -> int:
     """Objects in a sequence."""
     return config.crowd.objects + config.crowd.birds
 
 
-def _geometry(config: CampaignConfig, condition: int) -> tuple[float, float]:
+def _geometry(config: DatasetConfig, condition: int) -> tuple[float, float]:
     """Pixels of an image, and pixels that a metre spans at the object's mean distance."""
-    station = station_of(config)
-    if station is None:
-        rigs = config.rig.rigs
+    fixed = fixed_rig(config)
+    if fixed is None:
+        rigs = config.rig.random
         return float(np.mean([r.width * r.height for r in rigs])), float(np.mean([np.mean(r.span_px) for r in rigs]))
-    radius = conditions(station)[condition].radius
+    radius = conditions(fixed)[condition].radius
     middle = (np.array(config.rig.volume.low) + np.array(config.rig.volume.high)) / 2
     distance = radius or float(np.linalg.norm(middle))
-    return float(station.width * station.height), station.focal_px / distance
+    return float(fixed.width * fixed.height), fixed.focal_px / distance

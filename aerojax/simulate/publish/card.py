@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from typing import Any
 
 from aerojax.core.types import CLASSES
+from aerojax.data.manifest import Manifest, SequenceEntry
+from aerojax.data.splits import SPLITS
 
 NAME = "AeroSplat-4D"
 LICENCE_ADDRESS = "https://creativecommons.org/licenses/by/4.0/"
@@ -51,10 +51,9 @@ what would show if the object were alone. Frames in which fewer cameras than ask
 `frames_below_min_cameras`."""
 
 
-def readme_text(manifest: Mapping[str, Any]) -> str:
+def readme_text(manifest: Manifest) -> str:
     """The data set's card in Markdown with the YAML header that Hugging Face reads."""
-    sequences = manifest["sequences"]
-    images = sum(s["frames"] * s["cameras"] for s in sequences)
+    images = sum(s.frames * s.cameras for s in manifest.sequences)
     header = "\n".join(
         [
             "---",
@@ -72,8 +71,8 @@ def readme_text(manifest: Mapping[str, Any]) -> str:
     parts = [
         f"# {NAME}",
         ABOUT,
-        f"{len(manifest['identities'])} identities, {len(sequences)} sequences, {images} images, "
-        f"seed {manifest['seed']}. Identities and their families belong to one split only.",
+        f"{len(manifest.identities)} identities, {len(manifest.sequences)} sequences, {images} images, "
+        f"seed {manifest.seed}. Identities and their families belong to one split only.",
         _table(manifest),
         "## Files",
         _LAYOUT,
@@ -97,30 +96,29 @@ def size_category(images: int) -> str:
     return "1M<n<10M"
 
 
-def _table(manifest: Mapping[str, Any]) -> str:
+def _table(manifest: Manifest) -> str:
     lines = ["| rig | split | " + " | ".join(CLASSES) + " | sequences | frames |", "|---" * (len(CLASSES) + 4) + "|"]
-    groups: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
-    for sequence in manifest["sequences"]:
-        groups.setdefault((sequence["rig"], sequence["split"]), []).append(sequence)
-    order = ("train", "val", "test")
-    for rig, split in sorted(groups, key=lambda pair: (pair[0], order.index(pair[1]))):
+    groups: dict[tuple[str, str], list[SequenceEntry]] = {}
+    for sequence in manifest.sequences:
+        groups.setdefault((sequence.rig, sequence.split), []).append(sequence)
+    for rig, split in sorted(groups, key=lambda pair: (pair[0], SPLITS.index(pair[1]))):
         members = groups[rig, split]
-        identities = Counter(label for label, _ in {(s["class"], s["identity"]) for s in members})
+        identities = Counter(label for label, _ in {(s.label, s.identity) for s in members})
         counts = " | ".join(str(identities[label]) for label in CLASSES)
-        lines.append(f"| {rig} | {split} | {counts} | {len(members)} | {sum(s['frames'] for s in members)} |")
+        lines.append(f"| {rig} | {split} | {counts} | {len(members)} | {sum(s.frames for s in members)} |")
     return "\n".join(lines) + "\n\nColumns of classes count identities; frames are moments, each seen by all cameras."
 
 
-def _origin(manifest: Mapping[str, Any]) -> str:
+def _origin(manifest: Manifest) -> str:
     lines = [
-        f"- {name}: commit {rig.get('commit') or 'unknown'}, "
-        + ", ".join(f"{package} {version}" for package, version in sorted(rig.get("versions", {}).items()))
-        for name, rig in manifest["rigs"].items()
+        f"- {name}: commit {rig.commit or 'unknown'}, "
+        + ", ".join(f"{package} {version}" for package, version in sorted(rig.versions.items()))
+        for name, rig in manifest.rigs.items()
     ]
     how = "`python -m experiments.generate_dataset rig=<rig>` with the configuration in `rigs/<rig>.json`:"
     return how + "\n\n" + "\n".join(lines)
 
 
-def _licences(manifest: Mapping[str, Any]) -> str:
-    counts = Counter(identity["licence"] for identity in manifest["identities"])
+def _licences(manifest: Manifest) -> str:
+    counts = Counter(identity.licence for identity in manifest.identities)
     return ", ".join(f"{licence} ({number})" for licence, number in sorted(counts.items()))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from aerojax.core.files import json_text, sha256_of_text
+from aerojax.data.manifest import VERSION, Manifest, manifest_to_json
 from aerojax.simulate.publish.card import ABOUT, LICENCE_ADDRESS, NAME
-from aerojax.simulate.publish.manifest import json_text, sha256_of
 
 _CONTEXT = {
     "@language": "en",
@@ -62,11 +63,12 @@ _COLUMNS = (
 )
 
 
-def croissant_mapping(manifest: Mapping[str, Any]) -> dict[str, Any]:
+def croissant_mapping(manifest: Manifest, dataset: Path) -> dict[str, Any]:
     """The content of `croissant.json`.
 
     Args:
-        manifest: the content of `dataset.json`, which the metadata refer to with its SHA-256.
+        manifest: the metadata refer to its file, `dataset.json`, with the SHA-256.
+        dataset: folder of the data set.
     """
     listing = {"@id": "dataset.json"}
     return {
@@ -76,7 +78,7 @@ def croissant_mapping(manifest: Mapping[str, Any]) -> dict[str, Any]:
         "description": ABOUT,
         "conformsTo": "http://mlcommons.org/croissant/1.1",
         "license": LICENCE_ADDRESS,
-        "version": f"{manifest['version']}.0.0",
+        "version": f"{VERSION}.0.0",
         "citeAs": f"{NAME}, a synthetic multi-camera data set of flying objects, generated with aerojax.",
         "isLiveDataset": False,
         "distribution": [
@@ -87,7 +89,7 @@ def croissant_mapping(manifest: Mapping[str, Any]) -> dict[str, Any]:
                 "description": "Manifest: rigs, identities and sequences.",
                 "contentUrl": listing["@id"],
                 "encodingFormat": "application/json",
-                "sha256": sha256_of(json_text(manifest)),
+                "sha256": sha256_of_text(json_text(manifest_to_json(manifest, dataset))),
             },
         ],
         "recordSet": [

@@ -1,4 +1,4 @@
-"""The manifest of a data set: `dataset.json`, put together from what each sequence and each rig left on disk.
+"""What a data set's manifest says, put together from what each sequence and each rig left on disk.
 
 Every finished sequence holds its entry in `sequence.json`, and every rig its configuration in `rigs/<name>.json`, so
 shards on several machines need no common file: whoever finds everything complete writes the manifest.
@@ -6,11 +6,7 @@ shards on several machines need no common file: whoever finds everything complet
 
 from __future__ import annotations
 
-import hashlib
 import json
-import os
-import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,51 +15,78 @@ import numpy as np
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_json
+from aerojax.core.provenance import commit, package_versions
+from aerojax.data.manifest import (
+    ENTRY,
+    MANIFEST,
+    IdentityEntry,
+    Manifest,
+    RigRecord,
+    SequenceEntry,
+    TrueCamera,
+    read_manifest,
+    read_sequence_entry,
+    rig_from_json,
+    rig_to_json,
+)
 from aerojax.simulate.assets.catalogue import Identity
-from aerojax.simulate.plan.dataset import CampaignConfig, SequenceTask, cast_of, count, station_of, work_list
-from aerojax.simulate.record import ASSET_LICENCE, ScenePlan
+from aerojax.simulate.plan.dataset import (
+    DatasetConfig,
+    SequenceTask,
+    count,
+    fixed_rig,
+    identities_by_split,
+    work_list,
+)
+from aerojax.simulate.plan.scene import ASSET_LICENCE, ScenePlan
 from aerojax.simulate.world.fixed_rigs import conditions
 
-FORMAT, VERSION = "aerojax-dataset", 1
 DATA_LICENCE = "CC-BY-4.0"
-ENTRY, RIGS = "sequence.json", "rigs"
+RIGS = "rigs"
+"""Folder of the rigs' configurations in a data set."""
 
 
-def sequence_entry(task: SequenceTask, config: CampaignConfig, plan: ScenePlan, capture: Capture) -> dict[str, Any]:
-    """What `dataset.json` says about one sequence.
+def sequence_entry(
+    task: SequenceTask, config: DatasetConfig, plan: ScenePlan, capture: Capture, dataset: Path
+) -> SequenceEntry:
+    """What the manifest says about one sequence.
 
-    `distance_m` is the mean over cameras and frames to the first object. `frames_below_min_cameras` lists the frames
-    that fewer cameras saw than asked for. Where the written calibration or clocks are not ideal, `true_cameras` has
-    the true ones.
+    Args:
+        task: which sequence.
+        config: of the data set.
+        plan: what was recorded.
+        capture: as it was recorded; the folder may be another one than the sequence's own.
+        dataset: folder of the data set.
     """
     first = capture.truth.objects[0] if capture.truth is not None else None
     seen = [sum(state.visible.values()) for state in first.frames] if first is not None else []
-    station = station_of(config)
-    condition = conditions(station)[task.condition] if station is not None else None
-    entry: dict[str, Any] = {
-        "name": task.name,
-        "folder": task.folder,
-        "class": task.identity.label,
-        "identity": task.identity.name,
-        "split": task.identity.split,
-        "rig": config.rig.name,
-        "frames": plan.frames,
-        "fps": plan.fps,
-        "cameras": len(plan.cameras),
-        "distance_m": round(_distance(plan), 3),
-        "objects": [{"id": i + 1, "identity": a.identity.name} for i, a in enumerate(plan.actors)],
-        "frames_below_min_cameras": [f for f, cameras in enumerate(seen) if cameras < config.rig.min_cameras],
-    }
-    if condition is not None and condition.radius > 0:
-        entry["radius_m"], entry["elevation_deg"] = condition.radius, condition.elevation_deg
-    if any(_differs(true, told) for true, told in zip(plan.cameras, plan.calibration, strict=True)):
-        entry["true_cameras"] = [_true_camera(camera) for camera in plan.cameras]
-    return entry
+    fixed = fixed_rig(config)
+    condition = conditions(fixed)[task.condition] if fixed is not None else None
+    if condition is not None and condition.radius == 0:
+        condition = None  # a line has none
+    wrong = any(_differs(true, told) for true, told in zip(plan.cameras, plan.calibration, strict=True))
+    return SequenceEntry(
+        folder=dataset / task.folder,
+        name=task.name,
+        label=task.identity.label,
+        identity=task.identity.name,
+        split=task.identity.split,
+        rig=config.rig.name,
+        frames=plan.frames,
+        fps=plan.fps,
+        objects=tuple(flown.identity.name for flown in plan.objects),
+        cameras=len(plan.cameras),
+        distance=round(_distance(plan), 3),
+        frames_below_min_cameras=tuple(f for f, cameras in enumerate(seen) if cameras < config.rig.min_cameras),
+        radius=None if condition is None else condition.radius,
+        elevation_deg=None if condition is None else condition.elevation_deg,
+        true_cameras=tuple(TrueCamera(c.name, c.K, c.world_from_cam) for c in plan.cameras) if wrong else (),
+    )
 
 
 def _distance(plan: ScenePlan) -> float:
-    inside = slice(plan.margin, plan.margin + plan.frames)
-    path = plan.actors[0].flight.position[inside]
+    path = plan.shown(plan.objects[0].flight).position
     centres = np.stack([camera.world_from_cam[:3, 3] for camera in plan.cameras])
     return float(np.linalg.norm(path[:, None] - centres[None], axis=-1).mean())
 
@@ -72,31 +95,14 @@ def _differs(one: CaptureCamera, other: CaptureCamera) -> bool:
     return not (np.array_equal(one.world_from_cam, other.world_from_cam) and np.array_equal(one.K, other.K))
 
 
-def _true_camera(camera: CaptureCamera) -> dict[str, Any]:
-    return {"name": camera.name, "K": camera.K.tolist(), "world_from_cam": camera.world_from_cam.tolist()}
-
-
-def config_mapping(config: CampaignConfig) -> dict[str, Any]:
-    """The configuration as JSON has it; a list of models becomes its contents, wherever it lay."""
-    plain = json.loads(json.dumps(to_mapping(config), default=str))
-    if config.models is not None:
-        plain["models"] = [identity.name for cast in cast_of(config).values() for identity in cast if identity.model]
-    return plain
-
-
-def begin_rig(dataset: Path, config: CampaignConfig, origin: Mapping[str, Any]) -> None:
-    """Note the configuration of a rig in the data set, or find it to be the one that is there.
-
-    Args:
-        dataset: folder of the data set.
-        config: what is going to be generated.
-        origin: versions and commit of the generator.
+def begin_rig(dataset: Path, config: DatasetConfig) -> None:
+    """Note how a rig is generated in the data set, or find that its configuration is the one that is there.
 
     Raises:
         UserError: the folder holds sequences of this rig with another configuration.
     """
     path = dataset / RIGS / f"{config.rig.name}.json"
-    plain = config_mapping(config)
+    plain = _plain(config)
     if path.is_file():
         before = json.loads(path.read_text())["config"]
         if before != plain:
@@ -105,7 +111,16 @@ def begin_rig(dataset: Path, config: CampaignConfig, origin: Mapping[str, Any]) 
                 "occupied", f"{path}: the folder holds this rig with another {changed}", "choose another folder"
             )
         return
-    write_json(path, {"config": plain, **origin})
+    write_json(path, rig_to_json(RigRecord(plain, package_versions(), commit())))
+
+
+def _plain(config: DatasetConfig) -> dict[str, Any]:
+    """The configuration as JSON has it; a list of models becomes its contents, wherever it lay."""
+    plain = json.loads(json.dumps(to_mapping(config), default=str))
+    if config.models is not None:
+        everyone = (identity for split in identities_by_split(config).values() for identity in split)
+        plain["models"] = [identity.name for identity in everyone if identity.model]
+    return plain
 
 
 def complete(dataset: Path, tasks: tuple[SequenceTask, ...]) -> bool:
@@ -113,75 +128,36 @@ def complete(dataset: Path, tasks: tuple[SequenceTask, ...]) -> bool:
     return all((dataset / task.folder / ENTRY).is_file() for task in tasks)
 
 
-def build_manifest(dataset: Path, config: CampaignConfig) -> dict[str, Any]:
-    """The content of `dataset.json`: this rig's sequences and those of other rigs that are in the folder."""
-    tasks = work_list(config)
-    rigs = {path.stem: json.loads(path.read_text()) for path in sorted((dataset / RIGS).glob("*.json"))}
-    entries = [json.loads(path.read_text()) for path in sorted(dataset.glob(f"*/*/{ENTRY}"))]
-    entries = [entry for entry in entries if entry["rig"] in rigs]
-    cast = {identity.name: identity for everyone in cast_of(config).values() for identity in everyone}
-    known = _known_identities(dataset) | {name: identity_entry(identity) for name, identity in cast.items()}
-    used = {item["identity"] for entry in entries for item in entry["objects"]}
-    return {
-        "format": FORMAT,
-        "version": VERSION,
-        "seed": config.seed,
-        "licence": DATA_LICENCE,
-        "rigs": rigs,
-        "counts": {config.rig.name: to_mapping(count(config, tasks))} | _other_counts(dataset, config.rig.name),
-        "identities": [known[name] for name in sorted(used)],
-        "sequences": entries,
-    }
+def build_manifest(dataset: Path, config: DatasetConfig) -> Manifest:
+    """The manifest of this rig's sequences and of those of other rigs that are in the folder."""
+    rigs = {path.stem: rig_from_json(json.loads(path.read_text())) for path in sorted((dataset / RIGS).glob("*.json"))}
+    entries = (read_sequence_entry(dataset, path.parent) for path in sorted(dataset.glob(f"*/*/{ENTRY}")))
+    sequences = tuple(entry for entry in entries if entry.rig in rigs)
+    before = read_manifest(dataset) if (dataset / MANIFEST).is_file() else None
+    known = {} if before is None else {entry.name: entry for entry in before.identities}
+    for split in identities_by_split(config).values():
+        known |= {identity.name: identity_entry(identity, dataset) for identity in split}
+    others = {} if before is None else {name: n for name, n in before.counts.items() if name != config.rig.name}
+    return Manifest(
+        seed=config.seed,
+        licence=DATA_LICENCE,
+        rigs=rigs,
+        counts={config.rig.name: to_mapping(count(config, work_list(config)))} | others,
+        identities=tuple(known[name] for name in sorted({name for entry in sequences for name in entry.objects})),
+        sequences=sequences,
+    )
 
 
-def _previous(dataset: Path) -> dict[str, Any]:
-    path = dataset / "dataset.json"
-    return json.loads(path.read_text()) if path.is_file() else {}
-
-
-def _known_identities(dataset: Path) -> dict[str, dict[str, Any]]:
-    return {item["name"]: item for item in _previous(dataset).get("identities", [])}
-
-
-def _other_counts(dataset: Path, rig: str) -> dict[str, Any]:
-    return {name: value for name, value in _previous(dataset).get("counts", {}).items() if name != rig}
-
-
-def identity_entry(identity: Identity) -> dict[str, Any]:
-    """What `dataset.json` says about an identity."""
+def identity_entry(identity: Identity, dataset: Path) -> IdentityEntry:
+    """What the manifest says about an identity."""
     model = identity.model
     licence, source = (ASSET_LICENCE, "aerojax") if model is None else (model.licence, model.source)
-    return {
-        "name": identity.name,
-        "class": identity.label,
-        "family": identity.family,
-        "split": identity.split,
-        "asset": f"assets/{identity.name}.usdc",
-        "licence": licence or "unknown",
-        "source": source or "the user's own model",
-    }
-
-
-def json_text(content: Any) -> str:
-    """JSON as all files of a data set have it."""
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
-def sha256_of(text: str) -> str:
-    """SHA-256 of a file with this text, in hexadecimal."""
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Write JSON in one step; a reader never sees half of it."""
-    write_text(path, json_text(content))
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file in one step, also where several processes write the same file at once."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-    Path(temporary).chmod(0o644)
-    Path(temporary).replace(path)
+    return IdentityEntry(
+        name=identity.name,
+        label=identity.label,
+        family=identity.family,
+        split=identity.split,
+        asset=dataset / "assets" / f"{identity.name}.usdc",
+        licence=licence or "unknown",
+        source=source or "the user's own model",
+    )

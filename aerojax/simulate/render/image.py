@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.core.types import Box
 from kernels.rays.raytrace import Pinhole
 
-Box = tuple[float, float, float, float]
 Window = tuple[int, int, int, int]
 NO_WINDOW: Window = (0, 0, 0, 0)
 
@@ -28,7 +28,7 @@ class ImageConfig:
     samples: least rays along each side of a pixel at silhouettes.
     rays_across: so many along an object's longer side in the image, up to `MOST_SAMPLES` a pixel's side: what is small
         costs little, and a pixel is much of it.
-    depth, normals, flow, coverage: which of these a `Rendering` holds (flow needs the next poses too).
+    depth, normals, flow, coverage: which of these a `RenderedImage` holds (flow needs the next poses too).
     mask_threshold: least visible coverage of a mask pixel; below one half, because a rotor blade or wing tip seldom
         fills half a pixel.
     """
@@ -65,7 +65,7 @@ class ObjectView:
 
 
 @dataclass(frozen=True)
-class Rendering:
+class RenderedImage:
     """One image: the window that objects touch, and the background.
 
     width, height: of the image.

@@ -49,13 +49,13 @@ class _CameraState:
 
 
 class Outdoors:
-    """Landscape, sky and sun around the objects (an `Environment` of `render`).
+    """Landscape, sky and sun around the objects (an `Environment`).
 
     The buffers of every camera that was rendered are kept: about 120 MB for 2560×1440 pixels. A picture depends on the
     time alone, not on what was rendered before.
 
     Args:
-        landscape: from `scenery.build_scenery`.
+        landscape: from `world.landscape.build_landscape`.
         sky: the day.
         config: quality.
         caster: of the same landscape, where one exists; what it has cast for a camera is not cast again.
@@ -77,7 +77,7 @@ class Outdoors:
         self._light: tuple[float, Daylight] | None = None
 
     @property
-    def scenery(self) -> object | None:
+    def static_mesh(self) -> object | None:
         """The landscape's Warp mesh, world frame."""
         return self._caster.mesh
 

@@ -11,7 +11,7 @@ from pxr import Gf, Tf, Usd, UsdGeom
 
 from aerojax.core.errors import UserError
 from aerojax.simulate.usd.joints import EvaluateJoints, joint_evaluators
-from aerojax.simulate.usd.materials import TextureShelf, face_looks
+from aerojax.simulate.usd.materials import TextureCache, face_appearance
 from aerojax.simulate.usd.skinning import Evaluate, skinned, skinned_prims, transformed
 
 
@@ -62,7 +62,7 @@ def load_animated_mesh(path: Path) -> AnimatedMesh:
     """Open a USD file and prepare every visible mesh in it.
 
     Stages in other units or with +Y up are brought to metres and +Z up. Polygons are split into fans. Colours come from
-    the bound materials (see `usd_materials`), else from `displayColor` (linear), and are grey where both are absent.
+    the bound materials (see `materials`), else from `displayColor` (linear), and are grey where both are absent.
 
     Raises:
         UserError: if the file does not exist, cannot be opened, or holds no mesh, or a texture is
@@ -72,14 +72,14 @@ def load_animated_mesh(path: Path) -> AnimatedMesh:
     body_from_stage = _body_from_stage(stage)
     bindings = skinned_prims(stage)
     faces, looks, part, names, evaluate, offset = [], [], [], [], [], 0
-    shelf = TextureShelf()
+    textures = TextureCache()
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh) or UsdGeom.Imageable(prim).ComputeVisibility() == UsdGeom.Tokens.invisible:
             continue
         mesh = UsdGeom.Mesh(prim)
         triangles, corners, polygon = _triangles(mesh)
         faces.append(triangles + offset)
-        looks.append(face_looks(mesh, triangles, corners, polygon, shelf))
+        looks.append(face_appearance(mesh, triangles, corners, polygon, textures))
         part.append(np.full(len(triangles), len(names), np.uint16))
         names.append(str(prim.GetPath()))
         binding = bindings.get(prim.GetPath())
@@ -93,7 +93,7 @@ def load_animated_mesh(path: Path) -> AnimatedMesh:
         albedo=np.concatenate([look.albedo for look in looks]).astype(np.float32),
         uv=np.concatenate([look.uv for look in looks]).astype(np.float32),
         texture=np.concatenate([look.texture for look in looks]),
-        textures=tuple(shelf.pictures),
+        textures=tuple(textures.pictures),
         part=np.concatenate(part),
         part_names=tuple(names),
         cycle_seconds=max(0.0, (stage.GetEndTimeCode() - stage.GetStartTimeCode()) / rate),

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int, Int32, UInt8
 from pxr import Ar, Usd, UsdGeom, UsdShade
 
+from aerojax.core.colour import srgb_from_linear
 from aerojax.core.errors import UserError
 
 EARLIEST = Usd.TimeCode.EarliestTime()
@@ -21,8 +22,8 @@ GREY = 0.5
 
 
 @dataclass(frozen=True)
-class FaceLook:
-    """Looks of one mesh's triangles.
+class FaceAppearance:
+    """What one mesh's triangles look like.
 
     albedo: sRGB, 0..1; white where a texture gives the colour.
     uv: texture coordinates of the corners, v upwards; zero without a texture.
@@ -35,7 +36,7 @@ class FaceLook:
 
 
 @dataclass
-class TextureShelf:
+class TextureCache:
     """Pictures of a stage, each read once, in the order of first use (sRGB bytes, top row first)."""
 
     pictures: list[UInt8[np.ndarray, "height width 3"]] = field(default_factory=list)
@@ -66,21 +67,21 @@ def _read_picture(path: str) -> UInt8[np.ndarray, "height width 3"]:
     return np.ascontiguousarray(picture[:, :, ::-1])
 
 
-def face_looks(
+def face_appearance(
     mesh: UsdGeom.Mesh,
     triangles: Int[np.ndarray, "face 3"],
     corners: Int[np.ndarray, "face 3"],
     polygon: Int[np.ndarray, "face"],
-    shelf: TextureShelf,
-) -> FaceLook:
-    """Looks of a mesh's triangles from its material bindings.
+    textures: TextureCache,
+) -> FaceAppearance:
+    """What a mesh's triangles look like, from its material bindings.
 
     Args:
         mesh: of the stage.
         triangles: vertex indices.
         corners: positions of the same corners in the mesh's list of face vertices.
         polygon: the mesh's face that each triangle comes from.
-        shelf: collects pictures.
+        textures: collects pictures.
 
     Raises:
         UserError: a texture or its coordinates are missing; the message names the mesh.
@@ -98,12 +99,12 @@ def face_looks(
             value = _constant(shader)
             if value is not None:
                 texture[chosen] = -1
-                albedo[chosen] = srgb_of_linear(np.asarray(value, np.float64))
+                albedo[chosen] = srgb_from_linear(np.asarray(value, np.float64)).clip(0.0, 1.0)
             continue
-        texture[chosen] = shelf.index_of(_texture_path(picture, mesh))
+        texture[chosen] = textures.index_of(_texture_path(picture, mesh))
         albedo[chosen] = 1.0
         uv[chosen] = _coordinates(mesh, picture, triangles, corners)[chosen]
-    return FaceLook(albedo, uv, texture)
+    return FaceAppearance(albedo, uv, texture)
 
 
 def _bindings(mesh: UsdGeom.Mesh, polygon: np.ndarray) -> list[tuple[Usd.Prim, np.ndarray]]:
@@ -201,9 +202,4 @@ def display_colour(
         linear = np.add.reduceat(linear, np.cumsum(counts) - counts)[polygon] / counts[polygon, None]
     else:
         linear = np.broadcast_to(linear[0], (len(triangles), 3))
-    return srgb_of_linear(linear)
-
-
-def srgb_of_linear(linear: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
-    """Encode linear reflectance as sRGB in double precision, clipped to 0..1."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clip(1e-9) ** (1 / 2.4) - 0.055).clip(0, 1)
+    return srgb_from_linear(linear).clip(0.0, 1.0)

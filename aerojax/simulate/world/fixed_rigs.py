@@ -1,6 +1,6 @@
-"""Fixed camera networks of the thesis (§5.3, §6.3): a sphere (Sim-1), a circle (Sim-2), a line (Sim-3); who sees what.
+"""Fixed camera rigs of the thesis (§5.3, §6.3): a sphere (Sim-1), a circle (Sim-2), a line (Sim-3).
 
-Host-side, float64. `rigs` draws networks at random instead.
+Host-side, float64. `random_rigs` draws rigs instead.
 """
 
 from __future__ import annotations
@@ -8,18 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.core.errors import UserError
 from aerojax.simulate.world.rigs import RigKind, aimed_camera
 
-BODY_RADIUS = 0.6
-"""Metres around its origin that an object of 1 m fills, with the swing of wings."""
-
 
 @dataclass(frozen=True)
-class StationConfig:
+class FixedRigConfig:
     """Cameras at fixed places. A sphere or circle may have several radii (and elevations), each a condition of its own.
 
     kind: layout. cameras: how many, at least 3.
@@ -47,38 +44,26 @@ class StationConfig:
 
 @dataclass(frozen=True)
 class Condition:
-    """One placement of a station: its name in sequence names, radius (metres) and elevation (degrees)."""
+    """One placement of a fixed rig: its name in sequence names, radius (metres) and elevation (degrees)."""
 
     name: str
     radius: float
     elevation_deg: float
 
 
-@dataclass(frozen=True)
-class Volume:
-    """The monitored box: lowest and highest corner, metres, world."""
-
-    low: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    high: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def contains(self, points: Float[np.ndarray, "point 3"]) -> bool:
-        """Whether all points lie inside or on the border."""
-        return bool(np.all((points >= self.low) & (points <= self.high)))
-
-
-def conditions(config: StationConfig) -> tuple[Condition, ...]:
+def conditions(config: FixedRigConfig) -> tuple[Condition, ...]:
     """Every combination of radius and elevation, radii first; one for a line.
 
     Raises:
         UserError: fewer than 3 cameras, or no radius where one is needed.
     """
     if config.cameras < 3:
-        raise UserError("out-of-range", f"rig.station.cameras is {config.cameras}", "a network needs at least 3")
+        raise UserError("out-of-range", f"rig.fixed.cameras is {config.cameras}", "a network needs at least 3")
     if config.kind == "line":
         return (Condition("", 0.0, 0.0),)
     if not config.radii or min(config.radii) <= 0:
         raise UserError(
-            "out-of-range", f"rig.station.radii is {list(config.radii)}", "name at least one positive radius in metres"
+            "out-of-range", f"rig.fixed.radii is {list(config.radii)}", "name at least one positive radius in metres"
         )
     if config.kind == "circle":
         single = len(config.radii) == 1
@@ -90,7 +75,7 @@ def conditions(config: StationConfig) -> tuple[Condition, ...]:
     )
 
 
-def place_cameras(config: StationConfig, condition: Condition) -> tuple[CaptureCamera, ...]:
+def place_cameras(config: FixedRigConfig, condition: Condition) -> tuple[CaptureCamera, ...]:
     """The cameras of one condition, with patterns for colour alone (`capture_patterns` adds the others)."""
     aim, size = np.array(config.aim), (config.width, config.height)
     return tuple(
@@ -99,7 +84,7 @@ def place_cameras(config: StationConfig, condition: Condition) -> tuple[CaptureC
     )
 
 
-def _centres(config: StationConfig, condition: Condition) -> Float[np.ndarray, "camera 3"]:
+def _centres(config: FixedRigConfig, condition: Condition) -> Float[np.ndarray, "camera 3"]:
     count, aim = config.cameras, np.array(config.aim)
     if config.kind == "line":
         along = np.linspace(-config.baseline / 2, config.baseline / 2, count)
@@ -110,19 +95,3 @@ def _centres(config: StationConfig, condition: Condition) -> Float[np.ndarray, "
         return np.array([aim[0], aim[1], config.camera_height]) + condition.radius * around
     elevation = np.deg2rad(condition.elevation_deg)
     return aim + condition.radius * (np.cos(elevation) * around + np.array([0.0, 0.0, np.sin(elevation)]))
-
-
-def cameras_that_see(
-    points: Float[np.ndarray, "point 3"], cameras: tuple[CaptureCamera, ...], radius: float = BODY_RADIUS
-) -> Int[np.ndarray, "point"]:
-    """How many cameras have a ball of `radius` metres around each point wholly in their image (obstacles aside)."""
-    seen = np.zeros(len(points), int)
-    for camera in cameras:
-        inside = (points - camera.world_from_cam[:3, 3]) @ camera.world_from_cam[:3, :3]
-        depth = np.maximum(inside[:, 2], 1e-9)
-        pixels = (inside / depth[:, None]) @ camera.K[:2].T
-        margin = camera.K[0, 0] * radius / depth
-        size = np.array([camera.width, camera.height])
-        within = np.all((pixels - margin[:, None] >= 0) & (pixels + margin[:, None] <= size), axis=1)
-        seen += within & (inside[:, 2] > radius)
-    return seen

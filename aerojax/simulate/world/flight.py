@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation, Slerp
 
 GRAVITY = 9.81
 Motion = Literal["in_place", "flight"]
@@ -22,6 +23,34 @@ class Flight:
 
     position: Float[np.ndarray, "time 3"]
     world_from_body: Float[np.ndarray, "time 3 3"]
+
+    def transforms(self) -> Float[np.ndarray, "time 4 4"]:
+        """Rigid `world_from_body`, metres."""
+        poses = np.tile(np.eye(4), (len(self.position), 1, 1))
+        poses[:, :3, :3], poses[:, :3, 3] = self.world_from_body, self.position
+        return poses
+
+    def transform_at(self, index: float) -> Float[np.ndarray, "4 4"]:
+        """Rigid `world_from_body` at an index that need not be whole, the ends' beyond them.
+
+        Straight between positions, shortest between attitudes.
+        """
+        last = len(self.position) - 1
+        index = float(np.clip(index, 0.0, last))
+        before = min(int(index), max(last - 1, 0))
+        share, after = index - before, min(before + 1, last)
+        pose = np.eye(4)
+        pose[:3, 3] = (1 - share) * self.position[before] + share * self.position[after]
+        pose[:3, :3] = self.world_from_body[before]
+        if share > 0:
+            ends = Rotation.from_matrix(self.world_from_body[[before, after]])
+            pose[:3, :3] = Slerp([0.0, 1.0], ends)(share).as_matrix()
+        return pose
+
+    def within(self, first: int, count: int) -> Flight:
+        """The part of `count` frames from `first` on."""
+        part = slice(first, first + count)
+        return Flight(self.position[part], self.world_from_body[part])
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ PALETTE = np.array(
 
 
 @dataclass(frozen=True)
-class SceneryConfig:
+class LandscapeConfig:
     """What stands in the landscape.
 
     radius: metres from the origin to the edge of the land.
@@ -60,7 +60,7 @@ class _Shape:
 class Terrain:
     """Heights of the land: level near the origin, a sum of seeded waves further away."""
 
-    def __init__(self, config: SceneryConfig, rng: np.random.Generator):
+    def __init__(self, config: LandscapeConfig, rng: np.random.Generator):
         self._config = config
         angle, length = rng.uniform(0, 2 * np.pi, 7), np.geomspace(180.0, 1500.0, 7)
         self._wave = np.stack([np.cos(angle), np.sin(angle)]) * 2 * np.pi / length
@@ -74,7 +74,7 @@ class Terrain:
         return rise * self._config.relief * (waves + 0.35)
 
 
-def build_scenery(config: SceneryConfig, keep_clear: Float[np.ndarray, "point 2"], *, seed: int) -> LandscapeMesh:
+def build_landscape(config: LandscapeConfig, keep_clear: Float[np.ndarray, "point 2"], *, seed: int) -> LandscapeMesh:
     """Build a landscape.
 
     Args:
@@ -110,12 +110,12 @@ def _joined(shapes: list[_Shape], seed: int) -> LandscapeMesh:
     )
 
 
-def _is_clear(spot: np.ndarray, clear: np.ndarray, config: SceneryConfig) -> bool:
+def _is_clear(spot: np.ndarray, clear: np.ndarray, config: LandscapeConfig) -> bool:
     return bool(np.hypot(*(clear - spot).T).min() > config.clear_radius)
 
 
 def _spots(
-    count: int, nearest: float, furthest: float, clear: np.ndarray, config: SceneryConfig, rng: np.random.Generator
+    count: int, nearest: float, furthest: float, clear: np.ndarray, config: LandscapeConfig, rng: np.random.Generator
 ) -> list[np.ndarray]:
     """Seeded places, denser near the origin, away from what is to stay clear."""
     found: list[np.ndarray] = []
@@ -155,7 +155,7 @@ def _merged(*shapes: _Shape) -> _Shape:
     )
 
 
-def _land(config: SceneryConfig, terrain: Terrain) -> _Shape:
+def _land(config: LandscapeConfig, terrain: Terrain) -> _Shape:
     """Rings of triangles whose size grows with the distance."""
     turns, radii = 160, np.concatenate([[3.0], np.geomspace(8.0, config.radius, 90)])
     angle = 2 * np.pi * np.arange(turns) / turns
@@ -227,7 +227,7 @@ def _tree(rng: np.random.Generator, *, coarse: bool = False) -> _Shape:
 
 
 def _hedge(
-    spot: np.ndarray, clear: np.ndarray, config: SceneryConfig, terrain: Terrain, rng: np.random.Generator
+    spot: np.ndarray, clear: np.ndarray, config: LandscapeConfig, terrain: Terrain, rng: np.random.Generator
 ) -> list[_Shape]:
     """Bushes in a row."""
     turn, length = rng.uniform(0, np.pi), rng.uniform(30.0, 120.0)

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
+from aerojax.core.colour import linear_from_srgb, srgb_from_linear
 from aerojax.core.errors import UserError
-from aerojax.simulate.render.scene import linear_from_srgb, srgb_from_linear
 from kernels.rays.raytrace import Lighting
 
 Image = Float[np.ndarray, "height width 3"]

@@ -1,4 +1,4 @@
-"""A sequence as a USD stage: objects by reference with their keyframed flights, cameras, sun and landscape."""
+"""A planned scene as a USD stage: objects by reference with their keyframed flights, cameras, sun and landscape."""
 
 from __future__ import annotations
 
@@ -12,16 +12,14 @@ from jaxtyping import Float
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, Vt
 
 from aerojax.capture.format import CaptureCamera
-from aerojax.simulate.world.flight import Flight
 from kernels.rays.landscape import LandscapeMesh
 
-BODY = Sdf.Path("/World/Object")
-"""Path of the first object; further ones are Object_2, Object_3 …"""
+_FIRST_OBJECT = Sdf.Path("/World/Object")
 _USD_FROM_OPENCV = np.diag([1.0, -1.0, -1.0, 1.0])  # USD cameras look along -z with +y up
 
 
 @dataclass(frozen=True)
-class StagedObject:
+class StageObject:
     """An object of a scene: its own stage, and where its body is at time code 0, 1 … (metres, world).
 
     offset_seconds: where in its own animation the object is at time code 0. Whole cycles are left out: USD holds the
@@ -33,21 +31,14 @@ class StagedObject:
     offset_seconds: float = 0.0
 
 
-def poses_of(flight: Flight, origin: Float[np.ndarray, "3"]) -> Float[np.ndarray, "time 4 4"]:
-    """Rigid transforms of a flight about an origin (metres, world)."""
-    poses = np.tile(np.eye(4), (len(flight.position), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = flight.world_from_body, flight.position + origin
-    return poses
-
-
-def author_stage(
+def write_scene_stage(
     path: Path,
-    objects: Sequence[StagedObject],
+    objects: Sequence[StageObject],
     cameras: Sequence[CaptureCamera],
     *,
     fps: float,
     sun: Float[np.ndarray, "time 3"] | None = None,
-    scenery: Path | None = None,
+    landscape: Path | None = None,
 ) -> None:
     """Write the stage of one sequence; frame i is time code i.
 
@@ -57,7 +48,7 @@ def author_stage(
         cameras: static.
         fps: time codes per second.
         sun: unit vectors to the sun, one a frame or a single one; no sun light if None.
-        scenery: a stage from `write_scenery`.
+        landscape: a stage from `write_landscape_stage`.
     """
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
@@ -74,18 +65,18 @@ def author_stage(
         _author_camera(stage, camera)
     if sun is not None:
         _author_sun(stage, sun)
-    if scenery is not None:
+    if landscape is not None:
         ground = stage.DefinePrim("/World/Scenery")
-        ground.GetReferences().AddReference(_relative(scenery, path.parent))
+        ground.GetReferences().AddReference(_relative(landscape, path.parent))
     stage.GetRootLayer().Save()
 
 
 def object_path(index: int) -> Sdf.Path:
-    """Prim path of the object with mask value `index` + 1."""
-    return BODY if index == 0 else Sdf.Path(f"{BODY}_{index + 1}")
+    """Prim path of the object with mask value `index` + 1: Object, Object_2, Object_3 …"""
+    return _FIRST_OBJECT if index == 0 else Sdf.Path(f"{_FIRST_OBJECT}_{index + 1}")
 
 
-def _author_object(stage: Usd.Stage, path: Sdf.Path, item: StagedObject, folder: Path, fps: float) -> None:
+def _author_object(stage: Usd.Stage, path: Sdf.Path, item: StageObject, folder: Path, fps: float) -> None:
     body = UsdGeom.Xform.Define(stage, path)
     # USD itself brings the asset's time codes to the stage's rate; the offset is in the stage's.
     shift = Sdf.LayerOffset(-_within_cycle(item) * fps)
@@ -96,7 +87,7 @@ def _author_object(stage: Usd.Stage, path: Sdf.Path, item: StagedObject, folder:
         pose.Set(Gf.Matrix4d(*matrix.T.ravel().tolist()), frame)  # USD matrices act on row vectors
 
 
-def _within_cycle(item: StagedObject) -> float:
+def _within_cycle(item: StageObject) -> float:
     """Seconds into the asset's animation at time code 0, less than a cycle."""
     layer = Sdf.Layer.FindOrOpen(str(item.asset))
     cycle = (layer.endTimeCode - layer.startTimeCode) / layer.timeCodesPerSecond
@@ -143,7 +134,7 @@ def _author_sun(stage: Usd.Stage, directions: Float[np.ndarray, "time 3"]) -> No
             turn.Set(matrix, frame)
 
 
-def write_scenery(path: Path, landscape: LandscapeMesh) -> None:
+def write_landscape_stage(path: Path, landscape: LandscapeMesh) -> None:
     """Write a landscape as a stage of one mesh with a linear `displayColor` a face; grain is the renderer's own."""
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)

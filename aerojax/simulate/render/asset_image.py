@@ -7,20 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from aerojax.simulate.assets.paint.atlas import linear_from_srgb
+from aerojax.core.colour import srgb_from_linear
+from aerojax.geometry.cameras import look_at
 from aerojax.simulate.render.image import INTERIOR_SAMPLES
-from aerojax.simulate.render.scene import srgb_from_linear
+from aerojax.simulate.render.surfaces import scene_caster
 from aerojax.simulate.usd.animated_mesh import AnimatedMesh
-from aerojax.simulate.world.rigs import look_at
 from kernels.rays.footprint import CROSSED
-from kernels.rays.raytrace import Lighting, Pinhole, SceneCaster, Surface
+from kernels.rays.raytrace import Lighting, Pinhole
 
 DISTANCE = 6.0
 """Metres from the camera to the asset, whose size is one metre: little perspective."""
 
 
 @dataclass(frozen=True)
-class Portrait:
+class AssetImage:
     """What a camera sees of an asset: linear colour of the covered part of each pixel, and the share covered, 0..1."""
 
     linear: Float[np.ndarray, "row column 3"]
@@ -31,21 +31,19 @@ class Portrait:
         return self.coverage[..., None] * self.linear + (1 - self.coverage[..., None]) * backdrop
 
 
-def encoded(linear: Float[np.ndarray, "row column 3"]) -> UInt8[np.ndarray, "row column 3"]:
+def srgb_bytes(linear: Float[np.ndarray, "row column 3"]) -> UInt8[np.ndarray, "row column 3"]:
     """A linear picture as sRGB bytes."""
-    return np.rint(255 * srgb_from_linear(linear)).astype(np.uint8)
+    return np.rint(255 * srgb_from_linear(linear.clip(0.0, 1.0)).astype(np.float32)).astype(np.uint8)
 
 
-class Sitter:
+class AssetRenderer:
     """An asset ready to be pictured from anywhere, at any time of its animation."""
 
     def __init__(self, mesh: AnimatedMesh):
         self._mesh = mesh
-        albedo = linear_from_srgb(mesh.albedo)
-        surface = Surface(mesh.faces, albedo, mesh.uv, mesh.texture, mesh.textures)
-        self._caster = SceneCaster((surface,), (mesh.vertices_at(0.0),))
+        self._caster = scene_caster((mesh,))
 
-    def portrait(
+    def image(
         self,
         seconds: float,
         azimuth: float,
@@ -55,7 +53,7 @@ class Sitter:
         height: int,
         lighting: Lighting,
         samples: int = 3,
-    ) -> Portrait:
+    ) -> AssetImage:
         """Picture the asset so that it fills the image but for a margin.
 
         Args:
@@ -83,4 +81,4 @@ class Sitter:
         linear, coverage = np.zeros((height * width, 3)), np.zeros(height * width)
         linear[pixels] = hits.colour
         coverage[pixels] = hits.visible[:, 0] / np.maximum(hits.rays, 1)
-        return Portrait(linear.reshape(height, width, 3), coverage.reshape(height, width))
+        return AssetImage(linear.reshape(height, width, 3), coverage.reshape(height, width))

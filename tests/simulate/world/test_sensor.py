@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from aerojax.core.colour import linear_from_srgb, srgb_from_linear
 from aerojax.core.errors import UserError
-from aerojax.simulate.render.scene import linear_from_srgb, srgb_from_linear
 from aerojax.simulate.world.sensor import (
     SensorConfig,
     draw_lighting,

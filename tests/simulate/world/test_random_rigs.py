@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerojax.simulate.render.scene import project
-from aerojax.simulate.world.rigs import RigConfig, draw_rig, look_at
+from aerojax.geometry.cameras import look_at, project_points
+from aerojax.simulate.world.random_rigs import RandomRigConfig, draw_rig
 
 KINDS = ("sphere", "circle", "line")
 TARGET = np.array([3.0, -2.0, 9.0])
@@ -14,7 +14,7 @@ TARGET = np.array([3.0, -2.0, 9.0])
 
 def rig(kind, seed, **changes):
     settings = {"kind": kind, "cameras": 5, "distance": (8.0, 32.0), "span_px": (50.0, 120.0)} | changes
-    return draw_rig(RigConfig(**settings), TARGET, np.random.default_rng(seed))
+    return draw_rig(RandomRigConfig(**settings), TARGET, np.random.default_rng(seed))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -24,11 +24,11 @@ def test_cameras_look_at_the_target_and_see_a_metre_as_asked(kind, seed):
     assert [c.name for c in cameras] == [f"cam_{i:02d}" for i in range(1, 6)]
     for camera in cameras:
         centre = np.array([camera.width / 2, camera.height / 2])
-        np.testing.assert_allclose(project(TARGET[None], camera)[0], centre, atol=1e-9)
+        np.testing.assert_allclose(project_points(TARGET[None], camera)[0], centre, atol=1e-9)
         assert np.linalg.norm(camera.world_from_cam[:3, 3] - TARGET) == pytest.approx(20.0)
         right, down = camera.world_from_cam[:3, 0], camera.world_from_cam[:3, 1]
-        np.testing.assert_allclose(project((TARGET + right)[None], camera)[0] - centre, [80.0, 0.0], atol=1e-9)
-        np.testing.assert_allclose(project((TARGET + down)[None], camera)[0] - centre, [0.0, 80.0], atol=1e-9)
+        np.testing.assert_allclose(project_points((TARGET + right)[None], camera)[0] - centre, [80.0, 0.0], atol=1e-9)
+        np.testing.assert_allclose(project_points((TARGET + down)[None], camera)[0] - centre, [0.0, 80.0], atol=1e-9)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -8,11 +8,12 @@ import trimesh
 from support.usd_examples import write_solid
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.geometry.cameras import project_points
 from aerojax.simulate.render.image import ImageConfig
 from aerojax.simulate.render.outdoors import OutdoorConfig, Outdoors
-from aerojax.simulate.render.scene import SceneRenderer, project
+from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
-from aerojax.simulate.world.landscape import SceneryConfig, Terrain, build_scenery
+from aerojax.simulate.world.landscape import LandscapeConfig, Terrain, build_landscape
 from aerojax.simulate.world.sky import (
     SkyConfig,
     cloud_noise,
@@ -24,7 +25,7 @@ from aerojax.simulate.world.sky import (
 )
 from kernels.rays.landscape import PLAIN, LandscapeMesh
 
-SMALL = SceneryConfig(trees=6, woods=1, hedges=1, buildings=2)
+SMALL = LandscapeConfig(trees=6, woods=1, hedges=1, buildings=2)
 CLEAR = SkyConfig(sun_azimuth=90.0, sun_elevation=45.0, cloud_cover=0.0, sun_azimuth_rate=0.0)
 
 
@@ -78,7 +79,7 @@ def test_the_shadow_of_a_box_falls_where_geometry_says(box):
     # The sun stands at 45 degrees over +Y: a point at height h throws its shadow to y - h. The box's corners reach from
     # y + z = 0.5 + ... : y from -0.5 - 4.5 to 0.5 - 3.5, x from -0.5 to 0.5.
     rows, columns = np.nonzero(darker)
-    low = project(np.array([[-0.5, -5.0, 0.0], [0.5, -3.0, 0.0]]), view)
+    low = project_points(np.array([[-0.5, -5.0, 0.0], [0.5, -3.0, 0.0]]), view)
     assert columns.min() == pytest.approx(low[0, 0], abs=1.0) and columns.max() + 1 == pytest.approx(low[1, 0], abs=1.0)
     assert rows.max() + 1 == pytest.approx(low[0, 1], abs=1.0) and rows.min() == pytest.approx(low[1, 1], abs=1.0)
     assert darker.sum() == pytest.approx(2.0 * 1.0 * (300 / 30) ** 2, rel=0.1)
@@ -111,7 +112,7 @@ def test_light_of_the_land_is_albedo_times_irradiance_behind_haze(box):
 
 def test_relighting_equals_a_cast_from_scratch(box):
     sky = SkyConfig(sun_azimuth=30.0, sun_elevation=35.0, sun_azimuth_rate=2.0)
-    land = build_scenery(SMALL, np.zeros((1, 2)), seed=5)
+    land = build_landscape(SMALL, np.zeros((1, 2)), seed=5)
     warm, fresh = Outdoors(land, sky), Outdoors(land, sky)
     view = looking_north()
     moving = placed(box, warm, (0.0, 0.0, 6.0))
@@ -128,7 +129,7 @@ def test_relighting_equals_a_cast_from_scratch(box):
 
 def test_sceneries_are_seeded_and_keep_clear():
     points = np.array([[60.0, 0.0], [0.0, -80.0]])
-    one, two, other = (build_scenery(SMALL, points, seed=s) for s in (1, 1, 2))
+    one, two, other = (build_landscape(SMALL, points, seed=s) for s in (1, 1, 2))
     np.testing.assert_array_equal(one.vertices, two.vertices)
     assert one.vertices.shape != other.vertices.shape or not np.array_equal(one.vertices, other.vertices)
     assert one.faces.max() < len(one.vertices) and np.isfinite(one.vertices).all()

@@ -9,9 +9,9 @@ from pxr import Gf, Usd, UsdGeom, UsdValidation
 from support.usd_examples import define_quad, open_stage, write_solid
 
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
-from aerojax.simulate.usd.sequence_stage import StagedObject, author_stage, body_poses, write_scenery
-from aerojax.simulate.world.landscape import SceneryConfig, build_scenery
-from aerojax.simulate.world.rigs import RigConfig, draw_rig
+from aerojax.simulate.usd.scene_stage import StageObject, body_poses, write_landscape_stage, write_scene_stage
+from aerojax.simulate.world.landscape import LandscapeConfig, build_landscape
+from aerojax.simulate.world.random_rigs import RandomRigConfig, draw_rig
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +34,14 @@ def staged(tmp_path_factory):
     rng = np.random.default_rng(0)
     poses = np.tile(np.eye(4), (2, 3, 1, 1))
     poses[..., :3, 3] = rng.normal(size=(2, 3, 3))
-    cameras = draw_rig(RigConfig(cameras=3), np.array([0.0, 0.0, 8.0]), rng)
-    land = build_scenery(SceneryConfig(trees=2, woods=0, hedges=0, buildings=1), np.zeros((1, 2)), seed=1)
-    write_scenery(folder / "scenery.usdc", land)
+    cameras = draw_rig(RandomRigConfig(cameras=3), np.array([0.0, 0.0, 8.0]), rng)
+    land = build_landscape(LandscapeConfig(trees=2, woods=0, hedges=0, buildings=1), np.zeros((1, 2)), seed=1)
+    write_landscape_stage(folder / "scenery.usdc", land)
     sun = np.array([(0.0, 0.6, 0.8), (0.0, 0.8, 0.6), (1.0, 0.0, 0.0)])
     path = folder / "a" / "scene.usda"
     path.parent.mkdir()
-    objects = [StagedObject(asset, p) for p in poses]
-    author_stage(path, objects, cameras, fps=30.0, sun=sun, scenery=folder / "scenery.usdc")
+    objects = [StageObject(asset, p) for p in poses]
+    write_scene_stage(path, objects, cameras, fps=30.0, sun=sun, landscape=folder / "scenery.usdc")
     return path, poses, cameras, sun
 
 
@@ -96,7 +96,7 @@ def test_animation_starts_at_its_phase(tmp_path):
     turn.Set(360.0, 240)
     stage.Save()
     poses = np.tile(np.eye(4), (3, 1, 1))
-    author_stage(tmp_path / "scene.usda", [StagedObject(asset, poses, 6.5)], (), fps=30.0)
+    write_scene_stage(tmp_path / "scene.usda", [StageObject(asset, poses, 6.5)], (), fps=30.0)
     scene = Usd.Stage.Open(str(tmp_path / "scene.usda"))
     rotor = UsdGeom.Xformable(scene.GetPrimAtPath("/World/Object/rotor"))
     mesh = load_animated_mesh(asset)

@@ -9,8 +9,9 @@ from pxr import UsdShade
 from support.usd_examples import define_quad, define_textured_material, open_stage, write_picture, write_solid
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.render.image import MOST_SAMPLES, ImageConfig
-from aerojax.simulate.render.scene import Dome, SceneRenderer
+from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from kernels.rays.raytrace import Lighting
 
