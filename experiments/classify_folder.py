@@ -14,11 +14,12 @@ from aerojax.capture.format import read_capture
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
+from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import reconstruct_capture
-from experiments._launch.command import Run, experiment, provenance
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 

@@ -16,6 +16,7 @@ from rich.console import Console
 from aerojax.classify.base import Classifier, parameter_count, with_card
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
+from aerojax.core.provenance import provenance
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.answers import prefix_log_probabilities
 from aerojax.evaluate.comparison import RESULT
@@ -23,7 +24,7 @@ from aerojax.evaluate.labels import label_figures
 from aerojax.evaluate.rotation_trials import RotationTrials, all_answers, figures_of
 from aerojax.evaluate.rotations import draw_rotations, protocols_of
 from experiments._launch.classifier_training import ClassifierTraining, train_and_keep
-from experiments._launch.command import Run, experiment, provenance
+from experiments._launch.command import Run, experiment
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,12 +13,13 @@ from aerojax.classify.base import Classifier
 from aerojax.classify.card import TrainRotation
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
+from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.bootstrap import accuracy, paired_interval
 from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answers, figures_of, video_confusions
 from aerojax.evaluate.rotations import TEST_ROTATIONS, protocols_of
-from experiments._launch.command import Run, experiment, provenance
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
@@ -101,8 +102,7 @@ def main(config: Config, run: Run) -> None:
     figures, test, answers = _measure(config, config.model)
     _show(console, figures)
     sizes = {"windows": len(test.label), "videos": len(test.one_a_video()), "identities": len(set(test.identity))}
-    command = " ".join(["python -m experiments.eval_rotation", *run.overrides])
-    results: dict[str, Any] = {**figures, **sizes, "command": command, "classes": CLASSES, "seed": config.seed}
+    results: dict[str, Any] = {**figures, **sizes, "command": run.command, "classes": CLASSES, "seed": config.seed}
     if config.against is not None:
         other, other_test, other_answers = _measure(config, config.against)
         _show(console, other)

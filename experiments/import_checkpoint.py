@@ -14,7 +14,8 @@ from aerojax.classify.mambasplat.classifier import MambaSplatClassifier
 from aerojax.classify.released.checkpoint import import_checkpoint
 from aerojax.core.config import to_mapping
 from aerojax.core.files import sha256_of_file, write_json
-from experiments._launch.command import Run, experiment, provenance
+from aerojax.core.provenance import commit
+from experiments._launch.command import Run, experiment
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ def main(config: Config, run: Run) -> None:
     """Checkpoint in, safetensors out."""
     imported = import_checkpoint(config.checkpoint, heads=config.heads)
     digest = sha256_of_file(config.checkpoint)
-    origin = {"file": config.checkpoint.name, "sha256": digest, "commit": provenance()["commit"]}
+    origin = {"file": config.checkpoint.name, "sha256": digest, "commit": commit()}
     card = untrained_card(imported.model.config, tokens=config.tokens, frames=config.frames)
     card = replace(card, record=json.dumps({"imported": origin}))
     save_classifier(config.out, MambaSplatClassifier(imported.model, card))

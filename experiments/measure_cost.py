@@ -17,7 +17,8 @@ from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published
 from aerojax.classify.mambasplat.cost import operations, parameter_count, unused_bridge_parameters
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.core.files import write_json
-from experiments._launch.command import Run, experiment, provenance
+from aerojax.core.provenance import provenance
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
@@ -106,8 +107,7 @@ def main(config: Config, run: Run) -> None:
             named = (row["variant"], row["mode"], str(size.frames), str(size.tokens), f"{row['parameters']:,}")
             table.add_row(*named, *(f"{f:.2f}" for f in figures), *memory)
     Console().print(table)
-    command = " ".join(["python -m experiments.measure_cost", *run.overrides])
-    notes = {"device": jax.devices()[0].device_kind, "command": command, **provenance(run.overrides)}
+    notes = {"device": jax.devices()[0].device_kind, "command": run.command, **provenance(run.overrides)}
     write_json(run.directory / "results.json", {"rows": rows, **notes})
     Console().print(str(run.directory / "results.json"), soft_wrap=True)
 

@@ -15,9 +15,10 @@ from aerojax.classify.base import Trainable, untrained
 from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
 from aerojax.core.files import write_json
+from aerojax.core.provenance import provenance
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.drift_passes import relabelling_drift, rotation_drift
-from experiments._launch.command import Run, experiment, provenance
+from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
@@ -112,8 +113,7 @@ def main(config: Config, run: Run) -> None:
         for name, model in bar.track(_models(config).items(), description=f"{len(windows.label)} clips"):
             results[name] = _measure(model, windows, config)
     console.print(_table(results))
-    command = " ".join(["python -m experiments.measure_drift", *run.overrides])
-    notes = {"clips": list(windows.name), "command": command, "seed": config.seed, **provenance(run.overrides)}
+    notes = {"clips": list(windows.name), "command": run.command, "seed": config.seed, **provenance(run.overrides)}
     write_json(run.directory / "results.json", {"models": results, **notes})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 

@@ -15,6 +15,7 @@ from aerojax.classify.card_markdown import card_markdown
 from aerojax.classify.load import save_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
+from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.answers import load_split, split_figures
 from aerojax.pipeline.clips import settings_of
@@ -23,7 +24,7 @@ from aerojax.training.loop import TrainingConfig
 from aerojax.training.memory import keep_freed_memory
 from aerojax.training.tasks.classification import ClipTask, train_classifier
 from aerojax.training.variation import VariationConfig
-from experiments._launch.command import Run, provenance
+from experiments._launch.command import Run
 from experiments._launch.training_screen import training_screen
 
 
@@ -93,9 +94,8 @@ def _train(config: ClassifierTraining, run: Run, console: Console) -> Trainable:
 def _keep(run: Run, classifier: Trainable, results: dict[str, Any]) -> Path:
     """Write the weights with their card, and last of all `metrics.json`; return the weights' path."""
     weights = run.directory / "weights.safetensors"
-    command = " ".join([f"python -m experiments.{run.name}", *run.overrides])
     record = {name: value for name, value in results.items() if name not in ("tests", "classes")}
-    known = with_card(classifier, record=json.dumps({"command": command, **record}))
+    known = with_card(classifier, record=json.dumps({"command": run.command, **record}))
     save_classifier(weights, known)
     write_text(weights.with_suffix(".md"), card_markdown(known.card, parameter_count(known.network)))
     write_json(run.directory / "metrics.json", results)

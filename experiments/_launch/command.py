@@ -11,13 +11,10 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.metadata
 import inspect
 import itertools
 import json
 import os
-import platform
-import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -35,6 +32,7 @@ from omegaconf.errors import OmegaConfBaseException
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
+from aerojax.core.provenance import provenance
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 CONF_DIR = REPOSITORY / "conf"
@@ -42,7 +40,6 @@ PACKAGE = __name__.removesuffix("._launch.command")
 """Where acts are imported from: `experiments`, or where an installed wheel has it."""
 RECORD = "run.json"
 """Where a run's directory holds its configuration and origin."""
-_PACKAGES = ("jax", "jaxlib", "flax", "optax", "warp-lang", "usd-core", "opencv-python-headless", "numpy")
 
 _Config = TypeVar("_Config")
 
@@ -163,26 +160,3 @@ def is_finished(directory: Path, result: str, values: Any, ignoring: tuple[str, 
 def _refuse(error: Exception) -> NoReturn:
     print(f"error: {error}", file=sys.stderr)
     sys.exit(2)
-
-
-def provenance(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
-    """What is needed to make a result again: overrides, versions, commit and machine."""
-    return {
-        "overrides": list(overrides),
-        "versions": {p: importlib.metadata.version(p) for p in _PACKAGES} | {"python": platform.python_version()},
-        "commit": _commit(),
-        "machine": {"system": platform.platform(), "cpus": os.cpu_count()},
-    }
-
-
-def _commit() -> str | None:
-    try:
-        head = _git("rev-parse", "HEAD")
-        return head + ("+changes" if _git("status", "--porcelain", "--untracked-files=no") else "")
-    except (OSError, subprocess.CalledProcessError):
-        return None  # an installed package has no checkout
-
-
-def _git(*arguments: str) -> str:
-    done = subprocess.run(["git", *arguments], cwd=REPOSITORY, check=True, capture_output=True, text=True)
-    return done.stdout.strip()

@@ -14,27 +14,12 @@ from support.command_line import run_command
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from experiments import classify
-from experiments._launch import command as launch
-from experiments._launch.command import REPOSITORY, claim_folder, is_finished, provenance
+from experiments._launch.command import REPOSITORY, claim_folder, is_finished
 
 
 def process(*arguments):
     command = [sys.executable, "-m", "experiments.classify", *arguments]
     return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=False)
-
-
-def test_provenance_names_versions_commit_and_machine():
-    known = provenance(("seed=1",))
-    assert known["overrides"] == ["seed=1"]
-    assert {"jax", "flax", "warp-lang", "numpy", "python"} <= set(known["versions"])
-    assert known["commit"] is None or len(known["commit"].removesuffix("+changes")) == 40
-    assert json.loads(json.dumps(known)) == known
-
-
-def test_provenance_without_a_checkout(monkeypatch, tmp_path):
-    monkeypatch.setattr(launch, "REPOSITORY", tmp_path)
-    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
-    assert provenance()["commit"] is None
 
 
 def test_json_appears_whole(tmp_path):
