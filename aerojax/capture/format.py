@@ -21,6 +21,7 @@ from aerojax.capture.truth import (
     truth_to_json,
 )
 from aerojax.capture.validate.examination import FORMAT, OPTIONAL_IMAGES, VERSION, examine
+from aerojax.capture.validate.findings import refuse
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.types import Camera
@@ -97,10 +98,7 @@ def read_capture(folder: Path) -> Capture:
         UserError: lists every problem at once, each with file, field and remedy.
     """
     examined = examine(folder)
-    if examined.problems:
-        count = len(examined.problems)
-        lines = "\n".join(f"  {problem}" for problem in examined.problems)
-        raise UserError("invalid", f"capture {folder} has {count} problem{('s' if count > 1 else '')}:\n{lines}")
+    refuse(examined.problems, f"capture {folder}")
     raw = examined.capture
     assert raw is not None  # the validator returns it whenever there is no problem
     cameras = tuple(_camera_from_json(camera) for camera in raw["cameras"])

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt16
 
 from aerojax.capture.codecs.tiff import BrokenTiff, decode_tiff
-from aerojax.capture.codecs.video import open_video
+from aerojax.capture.codecs.video import BrokenVideo, open_video
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.lenses import distort_points, undistort_image, undistort_points
 from aerojax.capture.paths import is_video, locate
@@ -72,7 +72,7 @@ def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndar
         return None
     path = locate(capture.folder, camera.rgb, index)
     if is_video(camera.rgb):
-        image = open_video(path).read(index)
+        image = _video_frame(path, index)
     else:
         # Orientation tags would turn the image away from its calibration; 16-bit images keep their depth.
         decoded = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
@@ -184,7 +184,7 @@ def read_flow(capture: Capture, camera_index: int, frame: int) -> Float32[np.nda
     except OSError:
         raise UserError("unreadable", f"{path}: cannot be read", "check the permissions") from None
     except BrokenTiff as error:
-        raise UserError("invalid", f"{path}: the image {error}", "write or copy it again") from None
+        raise UserError("unreadable", f"{path}: the image {error}", "write or copy it again") from None
     if flow.shape[2] != 2:
         raise UserError(
             "mismatch", f"{path}: flow must have two channels, has {flow.shape[2]}", "write pixels right and down"
@@ -210,6 +210,13 @@ def _path(capture: Capture, camera_index: int, frame: int, kind: str) -> Path | 
     index = source_frame(capture, camera_index, frame)
     pattern = getattr(capture.cameras[camera_index], kind)
     return None if index is None or pattern is None else locate(capture.folder, pattern, index)
+
+
+def _video_frame(path: Path, index: int) -> np.ndarray:
+    try:
+        return open_video(path).read(index)
+    except BrokenVideo as broken:
+        raise UserError("unreadable", f"{path}: {broken.problem}", broken.remedy) from None
 
 
 def _decode(path: Path, flags: int) -> np.ndarray:

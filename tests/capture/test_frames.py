@@ -89,9 +89,12 @@ def test_video_capture_validates_and_follows_a_replaced_file(tmp_path):
 
 
 def test_video_that_ends_early(tmp_path):
+    capture = make_good(tmp_path)
     write_video(tmp_path / "film.mp4", 2)
-    with pytest.raises(UserError, match=r"film\.mp4: stops before frame 5"):
-        VideoReader(tmp_path / "film.mp4").read(5)
+    capture = dataclasses.replace(with_camera(capture, 0, rgb="film.mp4", mask=None, depth=None), frames=6)
+    with pytest.raises(UserError, match=r"film\.mp4: stops before frame 5; lower `frames`") as error:
+        read_rgb(capture, 0, 5)
+    assert error.value.code == "unreadable"
 
 
 def test_clock_offsets():

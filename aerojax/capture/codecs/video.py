@@ -10,10 +10,19 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from aerojax.core.errors import UserError
-
 _OPEN_VIDEOS = 32
 """Readers kept open: more than the cameras of any network in use, far fewer than a process's file handles."""
+
+
+class BrokenVideo(Exception):
+    """A file is no video, or one that stops too early.
+
+    problem, remedy: what is wrong with the file, which they do not name, and what to do about it.
+    """
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(problem, remedy)
+        self.problem, self.remedy = problem, remedy
 
 
 def is_video_container(path: Path) -> bool:
@@ -35,7 +44,7 @@ class VideoReader:
 
     def __init__(self, path: Path) -> None:
         if not is_video_container(path):
-            raise UserError("unreadable", f"{path}: is not an MP4, MOV, AVI, MKV or WebM video", "convert it")
+            raise BrokenVideo("is not an MP4, MOV, AVI, MKV or WebM video", "convert it")
         self.path = path
         self._lock = threading.Lock()
         self._open()
@@ -46,9 +55,7 @@ class VideoReader:
         self._source = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG)
         self._next = 0
         if not self._source.isOpened():
-            raise UserError(
-                "invalid", f"{self.path}: the video cannot be decoded", "convert it, for example to H.264 in MP4"
-            )
+            raise BrokenVideo("the video cannot be decoded", "convert it, for example to H.264 in MP4")
 
     def frame_count(self) -> int:
         """Number of frames by the container's index, or by counting where it has none."""
@@ -66,29 +73,32 @@ class VideoReader:
         """One frame as 8-bit sRGB.
 
         Raises:
-            UserError: the video stops before this frame or is damaged there.
+            BrokenVideo: the video stops before this frame or is damaged there.
         """
         with self._lock:
             if frame < self._next:
                 self._open()
             while self._next < frame:
                 if not self._source.grab():
-                    raise self._ended(frame)
+                    raise _ended(frame)
                 self._next += 1
             found, image = self._source.read()
             if not found:
-                raise self._ended(frame)
+                raise _ended(frame)
             self._next += 1
             return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
-    def _ended(self, frame: int) -> UserError:
-        return UserError(
-            "invalid", f"{self.path}: stops before frame {frame}", "lower `frames` in capture.json or replace the video"
-        )
+
+def _ended(frame: int) -> BrokenVideo:
+    return BrokenVideo(f"stops before frame {frame}", "lower `frames` in capture.json or replace the video")
 
 
 def open_video(path: Path) -> VideoReader:
-    """The reader of a video, shared between calls as long as the file does not change."""
+    """The reader of a video, shared between calls as long as the file does not change.
+
+    Raises:
+        BrokenVideo: the file is no video, or not one that can be decoded.
+    """
     status = path.stat()
     return _open_video(path.resolve(), status.st_mtime_ns, status.st_size)
 

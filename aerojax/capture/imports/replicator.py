@@ -27,7 +27,7 @@ from aerojax.capture.imports.replicator_objects import FlyingPrims, find_flying_
 from aerojax.capture.imports.replicator_truth import Poses, Sight, look_at_object, read_poses, tracked_objects
 from aerojax.capture.paths import safe_name
 from aerojax.capture.validate.examination import FEWEST_CAMERAS
-from aerojax.capture.validate.findings import Findings, Problem
+from aerojax.capture.validate.findings import Findings, Problem, refuse
 from aerojax.capture.write import write_frame
 from aerojax.core.errors import UserError
 
@@ -119,10 +119,11 @@ def import_replicator(
 
 
 def _refuse_if(problems: Sequence[Problem], recording: Path) -> None:
-    if problems:
-        lines = "\n".join(f"  {str(problem).removeprefix(f'{recording}/')}" for problem in problems)
-        count = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
-        raise UserError("invalid", f"recording {recording} has {count}:\n{lines}")
+    """Name files by their place in the recording."""
+    inside = (Path(problem.file) for problem in problems)
+    names = [str(path.relative_to(recording) if path.is_relative_to(recording) else path) for path in inside]
+    placed = [dataclasses.replace(problem, file=name) for problem, name in zip(problems, names, strict=True)]
+    refuse(placed, f"recording {recording}")
 
 
 def _common_frames(recording: Path, cameras: Sequence[RecordedCamera], problems: list[Problem]) -> list[int]:

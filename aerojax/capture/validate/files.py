@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from aerojax.capture.codecs.headers import BrokenImage, ImageHeader, read_header
-from aerojax.capture.codecs.video import open_video
+from aerojax.capture.codecs.video import BrokenVideo, open_video
 from aerojax.capture.paths import (
     FLOAT_SUFFIXES,
     MASK_SUFFIXES,
@@ -18,7 +18,6 @@ from aerojax.capture.paths import (
     pattern_problem,
 )
 from aerojax.capture.validate.findings import Findings, shown
-from aerojax.core.errors import UserError
 
 _KINDS: dict[str, tuple[tuple[str, ...], Callable[[ImageHeader], str | None]]] = {
     "rgb": (RGB_SUFFIXES, lambda h: None if h.bits in (8, 16) else f"has {h.bits} bits a channel, not 8 or 16"),
@@ -138,9 +137,8 @@ def _check_video(
     except OSError as error:
         found.add(field, f"cannot be read: {error.strerror}", "check the permissions", file=name)
         return
-    except UserError as error:
-        message, _, remedy = str(error).removeprefix(f"{path.resolve()}: ").partition("; ")
-        found.add(field, message, remedy, file=name)
+    except BrokenVideo as broken:
+        found.add(field, broken.problem, broken.remedy, file=name)
         return
     if problem := _size_problem(video.width, video.height, camera):
         found.add(field, problem, "correct the size in capture.json; is the video turned by its metadata?", file=name)

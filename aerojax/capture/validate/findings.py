@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+from aerojax.core.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,21 @@ class Problem:
     def __str__(self) -> str:
         where = f"{self.file}: {self.field}" if self.field else self.file
         return f"{where}: {self.message} ({self.remedy})"
+
+
+def refuse(problems: Sequence[Problem], what: str) -> None:
+    """End with everything that is wrong at once; nothing happens where nothing is.
+
+    Args:
+        what: whose problems they are, such as "capture /data/morning".
+
+    Raises:
+        UserError: lists the problems, one a line.
+    """
+    if problems:
+        lines = "\n".join(f"  {problem}" for problem in problems)
+        count = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
+        raise UserError("invalid", f"{what} has {count}:\n{lines}")
 
 
 def is_finite_number(value: Any) -> bool:
