@@ -18,8 +18,8 @@ from aerojax.core.types import CLASSES
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.simulate.sample import SampleConfig, sample_capture
-from aerojax.view.report.content import write_report
 from aerojax.view.report.gather import Answer, classification_report
+from aerojax.view.report.page import write_report
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from aerojax.view.encode import cloud_radius, jpeg_uri, jpegs_within, mask_box, mask_outline, pack_cloud
-from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport, write_report
-from aerojax.view.report.page import assemble
+from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport
+from aerojax.view.report.page import write_report
 from aerojax.view.svg import curves, height_curve, nice_ticks, top_view
+from aerojax.view.templates import fill, read_template
 
 HOSTILE = '<script>alert("1")</script>&\'[[data]]'
 CLASSES = ("bird", "drone", "airplane", "helicopter")
@@ -189,9 +190,13 @@ def test_long_captures_stay_below_four_megabytes(tmp_path, frames, cameras):
     assert max(frame["index"] for frame in shown) < len(places)
 
 
-def test_assemble_names_a_missing_part():
+def test_fill_names_a_missing_part():
     with pytest.raises(KeyError, match="title"):
-        assemble({})
+        fill(read_template("report/page.html"), {"style": "", "script": ""})
+
+
+def test_parts_are_not_filled_again():
+    assert fill("[[a]]-[[b]] [c] [[a]]", {"a": "[[b]]", "b": "2"}) == "[[b]]-2 [c] [[b]]"
 
 
 def test_clouds_are_packed_within_a_step_of_quantisation():

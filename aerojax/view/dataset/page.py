@@ -7,14 +7,8 @@ import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from aerojax.view.dataset.plots import PAGE_STYLE
 from aerojax.view.dataset.tables import Table, html_table
-from aerojax.view.report.style import STYLE
-
-_EXTRA = (
-    "td{padding-right:14px;font-variant-numeric:tabular-nums}.scroll{overflow-x:auto}"
-    ".heat{width:100%;image-rendering:pixelated;border-radius:8px}"
-)
+from aerojax.view.templates import fill, read_template
 
 
 @dataclass(frozen=True)
@@ -43,15 +37,13 @@ def dataset_page(title: str, lead: str, tables: Sequence[Table], sections: Seque
         tables, sections: in the order in which they appear.
     """
     body = "".join(html_table(table) for table in tables) + "".join(_section(section) for section in sections)
-    policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
-        f"<title>{html.escape(title)}</title><style>{STYLE}{PAGE_STYLE}{_EXTRA}</style></head><body>"
-        f'<header class="card"><h1>{html.escape(title)}</h1><p>{html.escape(lead)}</p></header>'
-        f"<main>{body}</main></body></html>\n"
-    )
+    parts = {
+        "title": html.escape(title),
+        "style": read_template("report/style.css") + read_template("dataset/style.css"),
+        "lead": html.escape(lead),
+        "body": body,
+    }
+    return fill(read_template("dataset/page.html"), parts)
 
 
 def _section(section: Section) -> str:

@@ -11,22 +11,10 @@ import numpy as np
 from jaxtyping import Float
 
 from aerojax.view.svg import nice_ticks
+from aerojax.view.templates import read_template
 
 WIDTH, HEIGHT = 520, 300
 _LEFT, _RIGHT, _TOP, _BOTTOM = 62, 14, 34, 44
-
-_STYLE = (
-    ".plot{font:13px system-ui,sans-serif}.plot text{fill:#5b6570}.plot .grid{stroke:#dfe4ea}"
-    ".curve{fill:none;stroke-width:2.2}.s0{stroke:#2f6fde}.s1{stroke:#d06a08}.s2{stroke:#0f8f6b}.s3{stroke:#8d4bd1}"
-    ".f0{fill:#2f6fde}.f1{fill:#d06a08}.f2{fill:#0f8f6b}.f3{fill:#8d4bd1}.band{opacity:.18}"
-    ".mark{stroke:#c8372d;stroke-dasharray:5 4}"
-)
-"""For files that stand alone; on a page the page's own style sheet gives colours to the same classes."""
-
-PAGE_STYLE = (
-    ".plot .f0{fill:var(--s0)}.plot .f1{fill:var(--s1)}.plot .f2{fill:var(--s2)}.plot .f3{fill:var(--s3)}"
-    ".plot .band{opacity:.18}.plot .mark{stroke:var(--wrong);stroke-dasharray:5 4}"
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +38,9 @@ class Labels:
 def standalone(plot: str) -> str:
     """A plot as the content of an SVG file."""
     head, rest = plot.split(">", 1)
-    size = f' xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{HEIGHT}"'
-    return f'{head}{size}><style>{_STYLE}</style><rect width="{WIDTH}" height="{HEIGHT}" fill="#fff"/>{rest}\n'
+    size = f'width="{WIDTH}" height="{HEIGHT}"'
+    style = f"<style>{read_template('dataset/plot.css')}</style>"
+    return f'{head} xmlns="http://www.w3.org/2000/svg" {size}>{style}<rect {size} fill="#fff"/>{rest}\n'
 
 
 def curve_plot(labels: Labels, curves: Mapping[str, Curve], *, marks: Sequence[float] = (), colour: int = 0) -> str:

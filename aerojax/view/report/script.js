@@ -1,6 +1,4 @@
-"""Script of the report's player: slider, camera crops with overlays, the cloud from two sides, cursors in the plots."""
-
-SCRIPT = r"""
+// The player: slider, camera crops with overlays, the cloud from two sides, cursors in the plots.
 "use strict";
 (() => {
 const data = JSON.parse(document.getElementById("data").textContent);
@@ -104,4 +102,3 @@ new ResizeObserver(show).observe(get("front"));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", show);
 show();
 })();
-"""
