@@ -13,8 +13,10 @@ from typing import Any
 
 import jax
 
+from experiments import _benchmarks
+
 SECTIONS = sorted(path.stem for path in (Path(__file__).parent / "_benchmarks").glob("[!_]*.py"))
-"""Every module in `experiments/benchmarks` is a section: it has `measure() -> dict`."""
+"""Every module in `experiments/_benchmarks` is a section: it has `measure() -> dict`."""
 
 
 def measure(sections: list[str]) -> dict[str, Any]:
@@ -30,7 +32,7 @@ def measure(sections: list[str]) -> dict[str, Any]:
     for name in sections:
         print(f"{name} …", file=sys.stderr, flush=True)
         try:
-            measured[name] = importlib.import_module(f"experiments._benchmarks.{name}").measure()
+            measured[name] = importlib.import_module(f"{_benchmarks.__name__}.{name}").measure()
         except Exception as error:  # the other sections' minutes are not lost with it
             traceback.print_exc()
             measured[name] = f"failed: {error}"

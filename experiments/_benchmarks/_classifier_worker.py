@@ -1,10 +1,10 @@
 """Times and measures one implementation of the classifier on request: a script that needs no aerojax for PyTorch.
 
-    python _classifier_worker.py {jax|torch} '{"option": value, …}' THREADS [keep]
+    python _classifier_worker.py {jax|torch} '{"option": value, …}' THREADS [MEMORY]
 
 Requests are JSON lines {act, clips, frames, tokens, memory} on standard input; an answer is one line that begins with
 `ANSWER`. `act` is forward or step. With `memory`, the call is measured for memory and belongs to a fresh process. With
-`keep` the C library keeps what the process frees (`allocator.py` beside this folder, which imports nothing of JAX).
+MEMORY, the file of `aerojax.training.memory`, which imports nothing of JAX, the C library keeps what the process frees.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import ctypes
 import importlib
 import json
 import os
+import runpy
 import sys
 import time
 from pathlib import Path
@@ -75,9 +76,8 @@ def main() -> None:
     name, options, threads = sys.argv[1], json.loads(sys.argv[2]), int(sys.argv[3])
     # The same processors for everybody: XLA and OpenMP make as many threads as they are allowed.
     os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:threads])
-    if sys.argv[4:] == ["keep"]:
-        sys.path.append(str(Path(__file__).parents[1]))
-        importlib.import_module("allocator").keep_freed_memory()
+    if len(sys.argv) > 4:
+        runpy.run_path(sys.argv[4])["keep_freed_memory"]()
     module = importlib.import_module(f"_classifier_{name}")
     engine, loaded = module.Engine(**options), []
     print(ANSWER + json.dumps({"version": engine.version, "parameters": engine.parameters}), flush=True)

@@ -15,6 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from aerojax.training import memory as process_memory
+
 MISSING = "not measured: install .[bench], or name a Python that has torch, VN-transformer and mambapy in TORCH_PYTHON"
 THREADS = 2
 REPEATS = 7
@@ -86,7 +88,14 @@ def open_worker(name: str, *, keep: bool = False) -> Iterator[Worker]:
     framework, options = IMPLEMENTATIONS[name]
     python = sys.executable if framework == "jax" else torch_python()
     assert python is not None
-    command = [python, str(_WORKER), framework, json.dumps(options), str(THREADS), *["keep"] * keep]
+    command = [
+        python,
+        str(_WORKER),
+        framework,
+        json.dumps(options),
+        str(THREADS),
+        *[str(process_memory.__file__)] * keep,
+    ]
     pipes: Any = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with subprocess.Popen(command, text=True, **pipes) as process:
         try:

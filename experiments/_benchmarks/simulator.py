@@ -32,7 +32,6 @@ from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from aerojax.simulate.world.fixed_rigs import Condition, FixedRigConfig, conditions, place_cameras
 from experiments._launch.command import CONF_DIR
-from experiments.generate_dataset import Config, plain
 from kernels.rays.raytrace import Lighting, SceneCaster
 
 RIGS = ("sim1", "sim2", "sim3")
@@ -98,7 +97,9 @@ def dataset_config(rig: str, preset: str, *overrides: str) -> DatasetConfig:
     with initialize_config_dir(str(CONF_DIR), version_base=None):
         values = compose("generate_dataset", overrides=[f"rig={rig}", f"preset={preset}", *overrides])
     mapping = OmegaConf.to_container(values, resolve=True)
-    return plain(to_dataclass(mapping, Config, source="conf/generate_dataset.yaml"))  # type: ignore[arg-type]
+    assert isinstance(mapping, dict)
+    decisive = {str(key): value for key, value in mapping.items() if key in DatasetConfig.__dataclass_fields__}
+    return to_dataclass(decisive, DatasetConfig, source="conf/generate_dataset.yaml")
 
 
 @dataclass(frozen=True)
