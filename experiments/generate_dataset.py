@@ -69,7 +69,7 @@ def shown_in(bar: Progress) -> Callable[[int, int, str], None]:
     def show(done: int, total: int, what: str) -> None:
         if what not in rows:
             rows[what] = bar.add_task(what, total=total)
-        bar.update(rows[what], completed=done)
+        bar.update(rows[what], completed=done, total=total)
 
     return show
 

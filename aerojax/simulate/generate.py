@@ -125,6 +125,7 @@ def _make_all(jobs: list[_Job], images: int, workers: int, progress: Progress) -
         for item in fields(Timings):
             setattr(total, item.name, getattr(total, item.name) + getattr(spent, item.name))
         progress(total.images, images, "images")
+    progress(total.images, total.images, "images")  # the estimate takes every rig for the largest
     return total
 
 
