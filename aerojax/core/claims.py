@@ -25,7 +25,23 @@ def claim(path: Path, values: Mapping[str, Any], *, ignoring: tuple[str, ...] = 
     noted = claimed(path)
     if noted is None:
         write_json(path, plain(values))
-        return
+    else:
+        check_claim(path, noted, values, ignoring=ignoring)
+
+
+def check_claim(
+    path: Path, noted: Mapping[str, Any], values: Mapping[str, Any], *, ignoring: tuple[str, ...] = ()
+) -> None:
+    """Find a configuration to be the one that a record holds; for records that hold more than it.
+
+    Args:
+        path: the record.
+        noted: the configuration in it.
+        values, ignoring: as for `claim`.
+
+    Raises:
+        UserError: they differ; names the keys.
+    """
     if changed := differing(noted, values, ignoring=ignoring):
         raise UserError(
             "occupied",

@@ -13,7 +13,6 @@ import functools
 import importlib
 import inspect
 import itertools
-import json
 import os
 import sys
 from collections.abc import Callable
@@ -29,6 +28,7 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from aerojax.core.claims import claimed, differing
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
@@ -141,17 +141,16 @@ def is_finished(directory: Path, result: str, values: Any, ignoring: tuple[str, 
     Raises:
         UserError: a run with another configuration has left files there, which this one would take for its own.
     """
-    record = directory / RECORD
-    if not record.is_file():
+    begun = claimed(directory / RECORD)
+    if begun is None:
         return False
-    begun, known = json.loads(record.read_text())["config"], json.loads(json.dumps(values))
-    differing = sorted(k for k in {*begun, *known} - set(ignoring) if begun.get(k) != known.get(k))
-    if not differing:
+    changed = differing(begun["config"], values, ignoring=ignoring)
+    if not changed:
         return (directory / result).is_file()
     if any(path.name not in (RECORD, "hydra") for path in directory.iterdir()):
         raise UserError(
             "occupied",
-            f"{directory} holds a run with another configuration ({', '.join(differing)} in {RECORD})",
+            f"{directory} holds a run with another configuration ({', '.join(changed)} in {RECORD})",
             "delete it, or choose another directory with hydra.run.dir, or hydra.sweep.dir for a sweep",
         )
     return False

@@ -186,7 +186,7 @@ def test_croissant_loads_in_its_own_library(dataset):
     ("overrides", "words"),
     [
         (("shard=2", "shards=2"), "shard=2 of shards=2 does not exist; use 0 to 1"),
-        (("seed=1",), "holds this rig with another seed; choose another folder"),
+        (("seed=1",), "holds what was made with another seed; choose another folder"),
         (("radii=[3]",), "radii is [3.0]; choose among"),
         (("models=nowhere.yaml",), "nowhere.yaml"),
     ],

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from aerojax.capture.format import Capture, CaptureCamera
+from aerojax.core.claims import check_claim, claimed, plain
 from aerojax.core.config import to_mapping
-from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.provenance import commit, package_versions
 from aerojax.data.manifest import (
@@ -102,25 +102,21 @@ def begin_rig(dataset: Path, config: DatasetConfig) -> None:
         UserError: the folder holds sequences of this rig with another configuration.
     """
     path = dataset / RIGS / f"{config.rig.name}.json"
-    plain = _plain(config)
-    if path.is_file():
-        before = json.loads(path.read_text())["config"]
-        if before != plain:
-            changed = ", ".join(sorted(key for key in {*before, *plain} if before.get(key) != plain.get(key)))
-            raise UserError(
-                "occupied", f"{path}: the folder holds this rig with another {changed}", "choose another folder"
-            )
-        return
-    write_json(path, rig_to_json(RigRecord(plain, package_versions(), commit())))
+    values = _values(config)
+    noted = claimed(path)
+    if noted is None:
+        write_json(path, rig_to_json(RigRecord(values, package_versions(), commit())))
+    else:
+        check_claim(path, rig_from_json(noted).config, values)
 
 
-def _plain(config: DatasetConfig) -> dict[str, Any]:
+def _values(config: DatasetConfig) -> dict[str, Any]:
     """The configuration as JSON has it; a list of models becomes its contents, wherever it lay."""
-    plain = json.loads(json.dumps(to_mapping(config), default=str))
+    values = plain(to_mapping(config))
     if config.models is not None:
         everyone = (identity for split in identities_by_split(config).values() for identity in split)
-        plain["models"] = [identity.name for identity in everyone if identity.model]
-    return plain
+        values["models"] = [identity.name for identity in everyone if identity.model]
+    return values
 
 
 def complete(dataset: Path, tasks: tuple[SequenceTask, ...]) -> bool:
