@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from aerojax.classify.base import TrainRotation
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.rotate import rotate
 from aerojax.geometry.rotations import rotation_from_quaternion
 
-TrainRotation = Literal["none", "z", "so3"]
 TestRotation = Literal["none", "z", "so3", "so3_per_frame"]
 TEST_ROTATIONS: tuple[TestRotation, ...] = get_args(TestRotation)
 

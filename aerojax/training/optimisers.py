@@ -61,17 +61,31 @@ def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
         decay_steps=max(length, warmup + 1),
         end_value=config.learning_rate * config.final,
     )
-    if not config.plateaus:
-        return rate
     # Division first: the product of a step and a number of plateaus may not fit 32 bits.
-    width = max(steps // config.plateaus, 1)
-    return lambda step: rate(jnp.asarray(step) // width)
+    width = max(steps // config.plateaus, 1) if config.plateaus else 1
+
+    def by_step(step: Any) -> Any:
+        with jax.numpy_dtype_promotion("standard"):  # optax mixes numbers of steps with shares of them
+            return rate(jnp.asarray(step) // width)
+
+    return by_step
 
 
 def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
     """The optimiser for a run of `steps` updates."""
-    rate = learning_rate(config, steps)
-    return optax.chain(
+    chain = optax.chain(
         optax.clip_by_global_norm(config.clip_norm),
-        optax.adamw(rate, b1=config.beta1, b2=config.beta2, weight_decay=config.weight_decay, mask=decays),
+        optax.adamw(
+            learning_rate(config, steps),
+            b1=config.beta1,
+            b2=config.beta2,
+            weight_decay=config.weight_decay,
+            mask=decays,
+        ),
     )
+
+    def update(updates: Any, state: Any, parameters: Any = None) -> tuple[Any, Any]:
+        with jax.numpy_dtype_promotion("standard"):  # optax raises decays to integer powers
+            return chain.update(updates, state, parameters)
+
+    return optax.GradientTransformation(chain.init, update)

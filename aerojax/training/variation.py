@@ -83,14 +83,14 @@ def vary_clip(
     keep = 1.0 - config.drop * jax.random.uniform(count)
     order = jax.vmap(lambda k: jax.random.permutation(k, columns.shape[1]))(jax.random.split(tokens, config.frames))
     picked = order[:, : config.tokens] % columns.shape[1]
-    visible = jnp.arange(config.tokens) < keep * config.tokens
+    visible = jnp.arange(config.tokens).astype(keep.dtype) < keep * config.tokens
     clip = jnp.take_along_axis(clip, picked[:, :, None], axis=1)
     mean = clip[..., :3]
     centre = jnp.mean(mean, axis=1, keepdims=True)
     radius = jnp.sqrt(jnp.mean(jnp.sum((mean - centre) ** 2, axis=-1)) + 1e-12)
     mean = mean + config.jitter * radius * jax.random.normal(position, mean.shape)
-    colour = clip[..., 11:] * (1 + config.colour * jax.random.normal(gain, (3,)))
-    colour = colour + config.colour * jax.random.normal(offset, (3,))
+    colour = clip[..., 11:] * (1 + config.colour * jax.random.normal(gain, (1, 1, 3)))
+    colour = colour + config.colour * jax.random.normal(offset, (1, 1, 3))
     clip = _scale(jnp.concatenate([mean, clip[..., 3:11], colour], axis=-1), config, key=size)
     return _turn(clip, config, key=turn), real[:, None] & visible[None, :]
 

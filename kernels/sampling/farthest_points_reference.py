@@ -28,7 +28,7 @@ def farthest_points(
 
     def choose(nearest: Array, chosen: Array) -> tuple[Array, Array]:
         # The maximum keeps products and sum apart: a fused multiply-add would round the ties of a grid differently.
-        square = jnp.maximum((points - points[chosen]) ** 2, 0.0)
+        square = jnp.maximum((points - points[chosen][None]) ** 2, 0.0)
         nearest = jnp.minimum(nearest, square[:, 0] + square[:, 1] + square[:, 2])
         return nearest, jnp.argmax(jnp.where(allowed, nearest, -1.0)).astype(jnp.int32)
 

@@ -65,7 +65,7 @@ def _frame_stages(model, columns, mask):
 @jax.jit
 @partial(jax.vmap, in_axes=(None, 0))
 def _time_stages(model, features):
-    hidden = features + mambasplat.sinusoids(*features.shape)
+    hidden = features + mambasplat.sinusoids(*features.shape).astype(features.dtype)
     stages = {"h_pos": hidden, "mamba_out": model.temporal(hidden), "mamba_hidden": [], "mamba_residual": []}
     residual = jnp.zeros_like(hidden)
     for i in range(model.config.mamba_layers):

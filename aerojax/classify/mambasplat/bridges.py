@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.mambasplat.config import Bridge, MambaSplatConfig, frame_extras
 from aerojax.classify.mambasplat.encoder import masked_max, masked_mean, weight_init
-from aerojax.classify.mambasplat.mamba import LayerNorm, Linear
+from aerojax.classify.mambasplat.layers import LayerNorm, Linear
 from aerojax.classify.mambasplat.vector_neurons import VNLinear, VNRectifier
 
 FRAME_SLOPE = 0.2
@@ -74,7 +74,7 @@ def principal_invariants(vectors: Float[Array, "3 channel"]) -> Float[Array, "ch
     fixed = jax.lax.stop_gradient(vectors)
     axes = jnp.linalg.eigh(fixed @ fixed.T)[1][:, ::-1]
     skewness = jnp.sum((fixed.T @ axes) ** 3, axis=0)
-    return vectors.T @ (axes * jnp.where(skewness < 0, -1.0, 1.0))
+    return vectors.T @ (axes * jnp.where(skewness < 0, -1.0, 1.0).astype(axes.dtype)[None])
 
 
 class TokenInvariants(nnx.Module):

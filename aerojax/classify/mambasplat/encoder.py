@@ -55,18 +55,18 @@ def attend(
 
 def _attend(q: Array, k: Array, v: Array, mask: Array, block: int) -> tuple[Array, Array, Array]:
     """The mixed values; each query's highest score, and the sum of the exponentials of what the others lack to it."""
-    keys = _append(k, _score_of_a_token(mask))
+    keys = _with_feature(k, _attention_bias(mask))
 
-    def few(q: Array) -> tuple[Array, Array, Array]:
-        scores = jnp.einsum("hnf,hmf->hnm", _append(q, jnp.ones(())), keys)
+    def mix(q: Array) -> tuple[Array, Array, Array]:
+        scores = jnp.einsum("hnf,hmf->hnm", _with_feature(q, jnp.ones(())), keys)
         highest = scores.max(axis=-1, keepdims=True)
         weights = jnp.exp(scores - highest)
         total = weights.sum(axis=-1, keepdims=True)
         return jnp.einsum("hnm,hmf->hnf", weights, v) / total, highest, total
 
     if q.shape[1] <= block:
-        return few(q)
-    mixed, highest, total = (_from_blocks(x, q.shape[1]) for x in jax.lax.map(few, _in_blocks(q, block)))
+        return mix(q)
+    mixed, highest, total = (_from_blocks(x, q.shape[1]) for x in jax.lax.map(mix, _in_blocks(q, block)))
     return mixed, highest, total
 
 
@@ -77,13 +77,13 @@ def _attend_forward(q: Array, k: Array, v: Array, mask: Array, block: int) -> tu
 
 def _attend_backward(block: int, saved: tuple[Array, ...], g: Array) -> tuple[Array, Array, Array, None]:
     q, k, v, mask, mixed, highest, total = saved
-    keys = _append(k, _score_of_a_token(mask))
+    keys = _with_feature(k, _attention_bias(mask))
     g = g / total
     centre = jnp.sum(g * mixed, axis=-1, keepdims=True)
 
-    def few(q: Array, g: Array, highest: Array, centre: Array) -> tuple[Array, Array, Array]:
+    def pull_back(q: Array, g: Array, highest: Array, centre: Array) -> tuple[Array, Array, Array]:
         # Tokens before queries: two of the three products over a score then read it along its rows.
-        scores = jnp.einsum("hmf,hnf->hmn", keys, _append(q, jnp.ones(())))
+        scores = jnp.einsum("hmf,hnf->hmn", keys, _with_feature(q, jnp.ones(())))
         weights = jnp.exp(scores - highest.swapaxes(1, 2))
         slopes = weights * (jnp.einsum("hmf,hnf->hmn", v, g) - centre.swapaxes(1, 2))
         to_q = jnp.einsum("hfm,hmn->hfn", k.swapaxes(1, 2), slopes).swapaxes(1, 2)
@@ -91,10 +91,10 @@ def _attend_backward(block: int, saved: tuple[Array, ...], g: Array) -> tuple[Ar
 
     each = (q, g, highest, centre)
     if q.shape[1] <= block:
-        return *few(*each), None
+        return *pull_back(*each), None
 
     def add(total: tuple[Array, Array], block: tuple[Array, ...]) -> tuple[tuple[Array, Array], Array]:
-        to_q, to_k, to_v = few(*block)
+        to_q, to_k, to_v = pull_back(*block)
         return (total[0] + to_k, total[1] + to_v), to_q
 
     # A padded query's cotangent is zero, and so is all that it passes on.
@@ -106,13 +106,13 @@ def _attend_backward(block: int, saved: tuple[Array, ...], g: Array) -> tuple[Ar
 attend.defvjp(_attend_forward, _attend_backward)
 
 
-def _score_of_a_token(mask: Bool[Array, "token"]) -> Float[Array, "token 1"]:
-    """What a token's scores are raised by: so little where it is not valid that its weight is exactly zero."""
+def _attention_bias(mask: Bool[Array, "token"]) -> Float[Array, "token 1"]:
+    """Added to all scores of a token: 0, or so little where it is not valid that its weight is exactly zero."""
     return jnp.where(mask, 0.0, -1e30)[:, None]
 
 
-def _append(x: Float[Array, "head token feature"], last: Array) -> Float[Array, "head token more"]:
-    """A further feature behind the others: a product with it adds to the scores on its way."""
+def _with_feature(x: Float[Array, "head token feature"], last: Array) -> Float[Array, "head token more"]:
+    """A further feature behind the others; the bias of the keys times 1 of the queries is added by the product."""
     return jnp.concatenate([x, jnp.broadcast_to(last, (*x.shape[:-1], 1)).astype(x.dtype)], axis=-1)
 
 
@@ -153,7 +153,7 @@ class VNAttention(nnx.Module):
 
         q, k, v = by_head(self.to_q), by_head(self.to_k), by_head(self.to_v)
         block = max(SMALLEST_BLOCK, -(-tokens // MOST_BLOCKS))
-        mixed = attend(q * q.shape[-1] ** -0.5, k, v * mask.any(), mask, block)
+        mixed = attend(q * q.shape[-1] ** -0.5, k, jnp.where(mask.any(), v, 0.0), mask, block)
         mixed = mixed.reshape(self.heads, tokens, slots, -1).transpose(1, 2, 0, 3)
         return self.to_out(mixed.reshape(tokens, slots, -1))
 

@@ -58,7 +58,7 @@ def normalise_after(
         weights = weights * jnp.maximum(columns[..., 10], 1e-6)
     total = weights.sum(axis=1)
     centre = jnp.einsum("tnc,tn->tc", columns[..., :3], weights) / jnp.maximum(total, 1e-9)[:, None]
-    centred = (columns[..., :3] - centre[:, None]) * mask[..., None]
+    centred = jnp.where(mask[..., None], columns[..., :3] - centre[:, None], 0.0)
     moment = jnp.einsum("tnc,tn->t", centred * centred, weights)
     so_far = before.moment + jnp.cumsum(moment), before.weight + jnp.cumsum(total)
     radius = _radius(centred, mask, (moment, total), so_far, config)
@@ -159,7 +159,7 @@ class PublishedLifting(nnx.Module):
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"]
     ) -> Float[Array, "token slot channel"]:
         """Lift one normalised frame; padded tokens are shifted too and must be masked downstream."""
-        position = columns[:, :3] - masked_mean(columns[:, :3], mask)
+        position = columns[:, :3] - masked_mean(columns[:, :3], mask)[None]
         x = self.linear(column_vectors(position, columns, self.mode))
         invariants = published_invariants(columns, self.mode)[..., None]
         return jnp.concatenate([x, jnp.broadcast_to(invariants, (*invariants.shape[:2], x.shape[-1]))], axis=1)
@@ -193,4 +193,4 @@ class ExactLifting(nnx.Module):
             invariants.append(shape_invariants(columns[:, 7:10]))
         scalars = jnp.concatenate(invariants, axis=-1) @ self.scalars[...].T
         scalars = scalars.reshape(columns.shape[0], self.slots, -1)
-        return jnp.concatenate([self.linear(vectors), scalars], axis=1) * mask[:, None, None]
+        return jnp.where(mask[:, None, None], jnp.concatenate([self.linear(vectors), scalars], axis=1), 0.0)

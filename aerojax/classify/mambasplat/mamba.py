@@ -13,6 +13,7 @@ from flax import nnx
 from jaxtyping import Array, Float, Key
 
 from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.mambasplat.layers import LayerNorm, Linear, drop, over_last_axis
 from aerojax.core.types import pytree_dataclass
 
 
@@ -26,42 +27,6 @@ class MambaState:
 
     convolution: Float[Array, "*layer tap inner"]
     memory: Float[Array, "*layer inner state"]
-
-
-class LayerNorm(nnx.Module):
-    """(x - mean)/√(var + 1e-5) · gain + bias over the last axis."""
-
-    def __init__(self, width: int):
-        self.weight = nnx.Param(jnp.ones(width))
-        self.bias = nnx.Param(jnp.zeros(width))
-
-    def __call__(self, x: Float[Array, "*batch width"]) -> Float[Array, "*batch width"]:
-        """Normalise."""
-        centred = x - x.mean(axis=-1, keepdims=True)
-        variance = jnp.mean(centred * centred, axis=-1, keepdims=True)
-        return centred * jax.lax.rsqrt(variance + 1e-5) * self.weight[...] + self.bias[...]
-
-
-class Linear(nnx.Module):
-    """y = W x + b; W ~ U(±1/√in), b = 0."""
-
-    def __init__(self, inputs: int, outputs: int, *, key: Key[Array, ""], bias: bool = True):
-        bound = inputs**-0.5
-        self.weight = nnx.Param(jax.random.uniform(key, (outputs, inputs), minval=-bound, maxval=bound))
-        self.bias = nnx.Param(jnp.zeros(outputs)) if bias else None
-
-    def __call__(self, x: Float[Array, "*batch inputs"]) -> Float[Array, "*batch outputs"]:
-        """Apply to the last axis."""
-        y = x @ self.weight[...].T
-        return y if self.bias is None else y + self.bias[...]
-
-
-def drop(x: Array, rate: float | Float[Array, ""], *, key: Key[Array, ""] | None, whole: bool = False) -> Array:
-    """Inverted dropout of elements, or of the whole array (drop path); the identity without a key."""
-    if key is None:
-        return x
-    keep = jax.random.bernoulli(key, 1 - rate, () if whole else x.shape)
-    return jnp.where(keep, x / (1 - rate), 0.0)
 
 
 class MambaMixer(nnx.Module):
@@ -91,8 +56,8 @@ class MambaMixer(nnx.Module):
         x, z = jnp.split(self.in_proj(u), 2, axis=-1)
         taps = self.conv_weight[...]
         padded = jnp.pad(x, ((taps.shape[1] - 1, 0), (0, 0)))
-        x = sum(padded[j : j + x.shape[0]] * taps[:, j] for j in range(taps.shape[1]))
-        x = jax.nn.silu(x + self.conv_bias[...])
+        x = sum(padded[j : j + x.shape[0]] * taps[None, :, j] for j in range(taps.shape[1]))
+        x = jax.nn.silu(x + self.conv_bias[...][None])
         decay, drive, readout = self._select(x)
 
         def combine(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -114,12 +79,12 @@ class MambaMixer(nnx.Module):
         """Decay exp(ΔA), drive ΔBx and readout C, all chosen by the input."""
         states, rank = self.A_log[...].shape[1], self.dt_weight[...].shape[1]
         low_rank, B, C = jnp.split(self.x_proj(x), [rank, rank + states], axis=-1)
-        dt = jax.nn.softplus(low_rank @ self.dt_weight[...].T + self.dt_bias[...])
+        dt = jax.nn.softplus(low_rank @ self.dt_weight[...].T + over_last_axis(self.dt_bias[...], x))
         decay = jnp.exp(jnp.einsum("...i,is->...is", dt, -jnp.exp(self.A_log[...])))
         return decay, jnp.einsum("...i,...s->...is", dt * x, B), C
 
     def _emit(self, states: Array, readout: Array, x: Array, z: Array) -> Array:
-        y = jnp.einsum("...cs,...s->...c", states, readout) + self.D[...] * x
+        y = jnp.einsum("...cs,...s->...c", states, readout) + over_last_axis(self.D[...], x) * x
         return self.out_proj(y * jax.nn.silu(z))
 
 
@@ -162,7 +127,8 @@ class MambaStack(nnx.Module):
     def initial_state(self) -> MambaState:
         """The state before the first frame: zeros, one row a layer."""
         taps, inner, states = self.state_shape
-        return MambaState(jnp.zeros((self.count, taps, inner)), jnp.zeros((self.count, inner, states)))
+        kind = self.norm.weight[...].dtype
+        return MambaState(jnp.zeros((self.count, taps, inner), kind), jnp.zeros((self.count, inner, states), kind))
 
     def step(self, hidden: Float[Array, "width"], state: MambaState) -> tuple[Float[Array, "width"], MambaState]:
         """Encode one frame of a stream in constant time and memory."""
@@ -181,5 +147,5 @@ class MambaStack(nnx.Module):
 def sinusoids(length: int, width: int) -> Float[Array, "time width"]:
     """Interleaved sine and cosine positions, base 10 000 (Vaswani et al. 2017, §3.5), computed in float32."""
     frequency = jnp.exp(jnp.arange(0, width, 2, dtype=jnp.float32) * (-math.log(10000.0) / width))
-    angle = jnp.arange(length, dtype=jnp.float32)[:, None] * frequency
+    angle = jnp.arange(length, dtype=jnp.float32)[:, None] * frequency[None]
     return jnp.stack([jnp.sin(angle), jnp.cos(angle)], axis=-1).reshape(length, width)

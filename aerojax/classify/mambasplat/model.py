@@ -27,6 +27,7 @@ from jaxtyping import Array, Bool, Float, Key
 from aerojax.classify.mambasplat.bridges import InvariantBridge
 from aerojax.classify.mambasplat.config import MambaSplatConfig, uses_colour, uses_opacity
 from aerojax.classify.mambasplat.encoder import LARGE_FRAME, VNEncoder, masked_mean, weight_init
+from aerojax.classify.mambasplat.layers import Linear, drop
 from aerojax.classify.mambasplat.lifting import (
     ExactLifting,
     PublishedLifting,
@@ -34,7 +35,7 @@ from aerojax.classify.mambasplat.lifting import (
     normalise_after,
     normalise_clip,
 )
-from aerojax.classify.mambasplat.mamba import Linear, MambaStack, MambaState, drop, sinusoids
+from aerojax.classify.mambasplat.mamba import MambaStack, MambaState, sinusoids
 from aerojax.classify.mambasplat.vector_neurons import VNLinear
 from aerojax.core.types import pytree_dataclass
 
@@ -140,7 +141,7 @@ class MambaSplat(nnx.Module):
         if self.config.readout == "mean":
             return masked_mean(features, valid)
         last = jnp.max(jnp.where(valid, jnp.arange(valid.shape[0]), 0))
-        return features[last] * valid.any()
+        return jnp.where(valid.any(), features[last], 0.0)
 
     def _encode(self, features: Array, valid: Array, key: Array | None) -> tuple[Array, Array]:
         """Encoded descriptors with the valid ones first: the layers are causal, so no other one reaches those."""

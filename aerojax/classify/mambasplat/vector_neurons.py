@@ -16,6 +16,8 @@ import jax.numpy as jnp
 from flax import nnx
 from jaxtyping import Array, Float, Key
 
+from aerojax.classify.mambasplat.layers import over_last_axis
+
 Init = Literal["fan_in", "unit"]
 
 
@@ -69,7 +71,7 @@ class VNLinear(nnx.Module):
         if self.bias is None:
             return y
         bias = self.bias[...]
-        return y + self.bias_epsilon * bias / jnp.maximum(jnp.linalg.norm(bias), 1e-12)
+        return y + over_last_axis(self.bias_epsilon * bias / jnp.maximum(jnp.linalg.norm(bias), 1e-12), y)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(2,))
@@ -140,7 +142,7 @@ class VNLayerNorm(nnx.Module):
         length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
         centred = length - length.mean(axis=-1, keepdims=True)
         deviation = jnp.sqrt(jnp.mean(centred * centred, axis=-1, keepdims=True) + 1e-5)
-        return x / jnp.maximum(length, 1e-6) * (centred / deviation * self.gain[...])
+        return x / jnp.maximum(length, 1e-6) * (centred / deviation * over_last_axis(self.gain[...], x))
 
 
 SMALLEST_MEAN_SQUARE = 1e-6
@@ -155,7 +157,7 @@ def divide_by_rms(
     The hand-written gradient is two sums over a token and one product, instead of a sum over the slots of each channel
     that the compiler does one token after another.
     """
-    return x * (_inverse_rms(x) * gain)
+    return x * (_inverse_rms(x) * over_last_axis(gain, x))
 
 
 def _inverse_rms(x: Array) -> Array:
@@ -173,7 +175,7 @@ def _divide_forward(x: Array, gain: Array) -> tuple[Array, tuple[Array, Array]]:
 
 def _divide_backward(saved: tuple[Array, Array], g: Array) -> tuple[Array, Array]:
     x, gain = saved
-    inverse, scaled = _inverse_rms(x), g * gain
+    inverse, scaled = _inverse_rms(x), g * over_last_axis(gain, x)
     unit = x * inverse
     to_x = inverse * (scaled - unit * (_over_token(scaled, unit) / x.shape[-1]))
     return to_x, jnp.einsum("nc,nc->c", g.reshape(-1, g.shape[-1]), unit.reshape(-1, g.shape[-1]))

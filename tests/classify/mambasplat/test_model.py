@@ -43,7 +43,9 @@ def test_norm_has_the_gradient_of_its_formula(x64):
     x, gain = x.at[0].set(0.0), jnp.linspace(0.5, 2.0, 6)
     ours, pull = jax.vjp(divide_by_rms, x, gain)
     expected, expected_pull = jax.vjp(
-        lambda x, gain: x * gain / jnp.sqrt(jnp.sum(x * x, axis=(-2, -1), keepdims=True) / 6 + 1e-6), x, gain
+        lambda x, gain: x * gain[None, None] / jnp.sqrt(jnp.sum(x * x, axis=(-2, -1), keepdims=True) / 6 + 1e-6),
+        x,
+        gain,
     )
     np.testing.assert_allclose(ours, expected, atol=1e-13)
     for a, b in zip(pull(g), expected_pull(g), strict=True):

@@ -61,7 +61,7 @@ def test_a_body_that_turns_in_place(x64):
 
 def test_turning_the_clip_changes_nothing_and_turning_frames_does(x64):
     clip = random_clip(3, time=4, tokens=32, dtype=np.float64)
-    clip = clip.at[..., :3].add(jnp.arange(4.0)[:, None, None] * jnp.array([0.3, 0.1, -0.2]))
+    clip = clip.at[..., :3].add(jnp.arange(4.0)[:, None, None] * jnp.array([[[0.3, 0.1, -0.2]]]))
     rotations = jax.vmap(lambda key: jnp.linalg.qr(haar_rotation(key=key).astype(jnp.float64))[0])(
         jax.random.split(jax.random.key(0), 4)
     )
