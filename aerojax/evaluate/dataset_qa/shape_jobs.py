@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from aerojax.core.seeds import seed_of
 from aerojax.data.manifest import IdentityEntry
 from aerojax.evaluate.dataset_qa.leakage import Embedded
 from aerojax.evaluate.dataset_qa.motion import Motion, motion_of
 from aerojax.evaluate.dataset_qa.shapes import SurfacePoints, draw_surface_points, face_areas, shape_embedding
-from aerojax.simulate.assets.variation import seed_of
 from aerojax.simulate.usd.animated_mesh import AnimatedMesh, load_animated_mesh
 from kernels.sampling.farthest_points import farthest_points
 

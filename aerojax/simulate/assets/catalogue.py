@@ -1,48 +1,51 @@
 """Identities: who is in which split, and the USD file of each.
 
 Families belong to one split, so that a validation or test identity is a new kind of object, not a new draw of a known
-one.
+one. The commonest kinds and the extremes train (longest wings, fewest arms, most rotors), so that kinds seen only in
+validation or test lie between kinds that were trained on. One identity a family makes 91 in all (thesis Table 6.3).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from aerojax.core.errors import UserError
+from aerojax.core.seeds import seed_of
 from aerojax.core.types import CLASSES
-from aerojax.simulate.assets.airplanes import author as airplanes
-from aerojax.simulate.assets.airplanes import families as airplane_families
-from aerojax.simulate.assets.birds import author as birds
-from aerojax.simulate.assets.birds import families as bird_families
-from aerojax.simulate.assets.helicopters import author as helicopters
-from aerojax.simulate.assets.helicopters import families as helicopter_families
+from aerojax.data.splits import SPLITS, Split
+from aerojax.simulate.assets.airplanes.asset import build_airplane
+from aerojax.simulate.assets.airplanes.families import airplane_families, draw_airplane
+from aerojax.simulate.assets.birds.asset import build_bird
+from aerojax.simulate.assets.birds.families import bird_families, draw_bird
+from aerojax.simulate.assets.families import Family, names_by_split
+from aerojax.simulate.assets.helicopters.asset import build_helicopter
+from aerojax.simulate.assets.helicopters.families import draw_helicopter, helicopter_families
 from aerojax.simulate.assets.importers.convert import convert_model
 from aerojax.simulate.assets.importers.models import ImportedModel
-from aerojax.simulate.assets.multicopters import author as multicopters
-from aerojax.simulate.assets.multicopters import families as multicopter_families
-from aerojax.simulate.assets.variation import seed_of
+from aerojax.simulate.assets.multicopters.asset import build_multicopter
+from aerojax.simulate.assets.multicopters.families import draw_multicopter, multicopter_families
 from aerojax.simulate.usd.authoring import Asset, write_asset
 from aerojax.simulate.usd.skeletons import write_skinned
 
-TABLE: dict[str, dict[str, int]] = {
-    "bird": {"train": 15, "val": 6, "test": 8},
-    "drone": {"train": 15, "val": 7, "test": 8},
-    "airplane": {"train": 8, "val": 4, "test": 4},
-    "helicopter": {"train": 8, "val": 4, "test": 4},
+_FAMILIES: dict[str, Callable[[], dict[str, Family]]] = {
+    "bird": bird_families,
+    "drone": multicopter_families,
+    "airplane": airplane_families,
+    "helicopter": helicopter_families,
 }
-"""Class, split, number of identities: 91 in all (thesis Table 6.3)."""
 
-SPLITS: dict[str, dict[str, tuple[str, ...]]] = {
-    "bird": bird_families.SPLITS,
-    "drone": multicopter_families.SPLITS,
-    "airplane": airplane_families.SPLITS,
-    "helicopter": helicopter_families.SPLITS,
-}
-"""Class, split, families. The commonest kinds and the extremes train (longest wings, fewest arms, most rotors), so that
-kinds seen only in validation or test lie between kinds that were trained on."""
+
+def families_of(label: str) -> dict[str, Family]:
+    """Every procedural family of a class by name; those of a split in the order in which identities take them.
+
+    Raises:
+        KeyError: if `label` is no class.
+    """
+    return _FAMILIES[label]()
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class Identity:
     label: one of `aerojax.core.types.CLASSES`.
     family: the ranges that its parameters are drawn from.
     seed: of its shape, motion and colours.
-    split: "train", "val" or "test".
+    split: of the family, or as the list of models says.
     model: a user's own model that it is made of instead of a family; None for a procedural one.
     """
 
@@ -61,12 +64,12 @@ class Identity:
     label: str
     family: str
     seed: int
-    split: str
+    split: Split
     model: ImportedModel | None = None
 
 
 def identities(split: str, per_class: int | None = None, *, per_family: int = 1) -> tuple[Identity, ...]:
-    """The individuals of a split; without further arguments the data set's own, one a family (`TABLE`).
+    """The individuals of a split; without further arguments the data set's own, one a family.
 
     Args:
         split: "train", "val" or "test".
@@ -80,26 +83,25 @@ def identities(split: str, per_class: int | None = None, *, per_family: int = 1)
     Raises:
         UserError: if `split` is unknown, a count is negative, or both counts are given.
     """
-    if split not in ("train", "val", "test"):
+    part = next((known for known in SPLITS if known == split), None)
+    if part is None:
         raise UserError("out-of-range", f"split is {split!r}", "use train, val or test")
     if min(per_class or 0, per_family) < 0:
         name, count = ("per_family", per_family) if per_family < 0 else ("per_class", per_class)
         raise UserError("invalid", f"{name} is {count}", "it counts identities and cannot be negative")
     if per_class is not None and per_family != 1:
         raise UserError("invalid", "per_class and per_family are both set", "use one of them")
-    counts = {
-        label: per_class if per_class is not None else per_family * len(SPLITS[label][split]) for label in CLASSES
-    }
+    names = {label: names_by_split(families_of(label))[part] for label in CLASSES}
+    counts = {label: per_family * len(names[label]) if per_class is None else per_class for label in CLASSES}
     return tuple(
-        _identity(split, label, index)
+        _identity(part, label, names[label], index)
         for index in range(max(counts.values()))
         for label in CLASSES
         if index < counts[label]
     )
 
 
-def _identity(split: str, label: str, index: int) -> Identity:
-    families = SPLITS[label][split]
+def _identity(split: Split, label: str, families: tuple[str, ...], index: int) -> Identity:
     family, number = families[index % len(families)], index // len(families)
     seed = seed_of("aerojax", split, label, family, number)
     return Identity(f"{label}_{family}_{number:02d}", label, family, seed, split)
@@ -117,8 +119,7 @@ def build_identity(identity: Identity, folder: Path) -> Path:
     if identity.model is not None:
         convert_model(identity.model, path)
         return path
-    families = SPLITS.get(identity.label, {})
-    if not any(identity.family in names for names in families.values()):
+    if identity.label not in _FAMILIES or identity.family not in families_of(identity.label):
         raise UserError(
             "invalid",
             f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}",
@@ -129,16 +130,16 @@ def build_identity(identity: Identity, folder: Path) -> Path:
     rng = np.random.default_rng(identity.seed)
     colour_seed = seed_of("colours", identity.seed)
     if identity.label == "bird":
-        write_skinned(path, birds.author(birds.draw_parameters(identity.family, rng)), colour_seed)
+        write_skinned(path, build_bird(draw_bird(identity.family, rng)), colour_seed)
     else:
-        write_asset(path, _author(identity, rng), colour_seed)
+        write_asset(path, _rigid_asset(identity, rng), colour_seed)
     return path
 
 
-def _author(identity: Identity, rng: np.random.Generator) -> Asset:
+def _rigid_asset(identity: Identity, rng: np.random.Generator) -> Asset:
     """Draw and build an asset whose moving parts are rotors."""
     if identity.label == "drone":
-        return multicopters.author(multicopters.draw_parameters(identity.family, rng), rng)
+        return build_multicopter(draw_multicopter(identity.family, rng), rng)
     if identity.label == "helicopter":
-        return helicopters.author(helicopters.draw_parameters(identity.family, rng), rng)
-    return airplanes.author(airplanes.draw_parameters(identity.family, rng), rng)
+        return build_helicopter(draw_helicopter(identity.family, rng), rng)
+    return build_airplane(draw_airplane(identity.family, rng), rng)

@@ -19,7 +19,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from aerojax.simulate.assets.mesh.parts import Part, Spin, corner_normals
 from aerojax.simulate.assets.mesh.shapes import Mesh, frame_along, scaled
-from aerojax.simulate.assets.paint.materials import Materials, paint
+from aerojax.simulate.assets.paint.materials import Materials, bake_texture
 
 TIME_CODES_PER_SECOND = 120.0
 
@@ -92,14 +92,14 @@ def write_mesh(stage: Usd.Stage, path: Sdf.Path, mesh: Mesh, linear: Float[np.nd
 
 def write_asset(path: Path, asset: Asset, colour_seed: int) -> None:
     """Write fixed and spinning parts; spinning parts complete whole turns in the asset's cycle."""
-    coats = paint(path, asset.parts, colour_seed)
+    texture = bake_texture(path, asset.parts, colour_seed)
 
     def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
-        materials = Materials(stage, root.AppendChild("materials"), coats)
-        for part, coat in zip(asset.parts, coats.parts, strict=True):
+        materials = Materials(stage, root.AppendChild("materials"), texture)
+        for part, where in zip(asset.parts, texture.parts, strict=True):
             holder = root if part.spin is None else _spinner(stage, root.AppendChild(part.name), part.spin, asset)
             child = holder.AppendChild(part.name if part.spin is None else "mesh")
-            materials.bind(write_mesh(stage, child, part.mesh, coat.linear), part, coat)
+            materials.bind(write_mesh(stage, child, part.mesh, where.linear), part, where)
 
     write_stage(path, asset.cycle_seconds, fill)
 

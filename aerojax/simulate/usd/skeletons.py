@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from aerojax.simulate.assets.mesh.parts import Part
 from aerojax.simulate.assets.mesh.shapes import scaled
-from aerojax.simulate.assets.paint.materials import Materials, paint
+from aerojax.simulate.assets.paint.materials import Materials, bake_texture
 from aerojax.simulate.usd.authoring import TIME_CODES_PER_SECOND, write_mesh, write_stage
 
 INFLUENCES = 3
@@ -68,18 +68,18 @@ class SkinnedAsset:
 
 def write_skinned(path: Path, asset: SkinnedAsset, colour_seed: int) -> None:
     """Write a skinned asset under a SkelRoot whose extent follows the motion."""
-    coats = paint(path, tuple(skinned.part for skinned in asset.parts), colour_seed)
+    texture = bake_texture(path, tuple(skinned.part for skinned in asset.parts), colour_seed)
 
     def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
-        materials = Materials(stage, root.AppendChild("materials"), coats)
+        materials = Materials(stage, root.AppendChild("materials"), texture)
         holder = UsdSkel.Root.Define(stage, root.AppendChild("skin"))
         skeleton = _write_skeleton(stage, holder.GetPath().AppendChild("skeleton"), asset.skeleton)
         animation = _write_motion(stage, skeleton.GetPath().AppendChild("cycle"), asset)
         UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([animation.GetPath()])
-        for skinned, coat in zip(asset.parts, coats.parts, strict=True):
+        for skinned, where in zip(asset.parts, texture.parts, strict=True):
             child = holder.GetPath().AppendChild(skinned.part.name)
-            mesh = write_mesh(stage, child, skinned.part.mesh, coat.linear)
-            materials.bind(mesh, skinned.part, coat)
+            mesh = write_mesh(stage, child, skinned.part.mesh, where.linear)
+            materials.bind(mesh, skinned.part, where)
             _bind(mesh, skinned.weights, skeleton)
         _write_extents(holder, asset.motion)
 

@@ -12,14 +12,19 @@ from pxr import Usd, UsdGeom, UsdValidation
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
-from aerojax.simulate.assets import catalogue, variation
-from aerojax.simulate.assets.airplanes import author as airplanes
-from aerojax.simulate.assets.birds import author as birds
-from aerojax.simulate.assets.helicopters import author as helicopters
-from aerojax.simulate.assets.multicopters import author as multicopters
+from aerojax.data.splits import SPLITS
+from aerojax.simulate.assets import catalogue
+from aerojax.simulate.assets.birds.families import draw_bird
 from aerojax.simulate.usd.animated_mesh import AnimatedMesh, load_animated_mesh
 
-ONE_EACH = [i for split in ("train", "val", "test") for i in catalogue.identities(split)]
+TABLE = {
+    "bird": {"train": 15, "val": 6, "test": 8},
+    "drone": {"train": 15, "val": 7, "test": 8},
+    "airplane": {"train": 8, "val": 4, "test": 4},
+    "helicopter": {"train": 8, "val": 4, "test": 4},
+}
+"""Class, split, number of identities: thesis Table 6.3."""
+ONE_EACH = [i for split in SPLITS for i in catalogue.identities(split)]
 NAMES = [i.name for i in ONE_EACH]
 each = pytest.mark.parametrize("identity", ONE_EACH, ids=NAMES)
 FEW = list({(i.label, i.split): i for i in ONE_EACH}.values())
@@ -135,27 +140,10 @@ def test_rotors_turn_about_fixed_hubs(identity, asset):
         assert np.linalg.norm(after[reach] - before[reach]) > 0.02 * np.linalg.norm(before[reach] - hub)
 
 
-def test_neighbouring_propellers_turn_against_each_other():
-    parameters = multicopters.draw_parameters("research_quad", np.random.default_rng(3))
-    built = multicopters.author(parameters, np.random.default_rng(4))
-    rates = [p.spin.hertz for p in built.parts if p.spin is not None]
-    assert [np.sign(r) for r in rates] == [1, -1, 1, -1]
-    assert all(65 <= abs(r) <= 140 for r in rates)
-
-
-def test_tandem_rotors_counter_rotate_in_step():
-    built = helicopters.author(
-        helicopters.draw_parameters("tandem", np.random.default_rng(0)), np.random.default_rng(1)
-    )
-    first, second = [p.spin for p in built.parts if p.spin is not None]
-    assert first.hertz == -second.hertz
-    assert abs(first.hub[0] - second.hub[0]) > 0.6
-
-
 @pytest.mark.parametrize("identity", BIRDS, ids=[i.name for i in BIRDS])
 def test_wings_beat_through_their_stroke(identity, asset):
     mesh = asset(identity)
-    parameters = birds.draw_parameters(identity.family, np.random.default_rng(identity.seed)).beat
+    parameters = draw_bird(identity.family, np.random.default_rng(identity.seed)).beat
     wing = _part(mesh, "wing_left")
     authored = np.argmax(np.linalg.norm(mesh.vertices_at(0.0)[wing], axis=1))
     flapping = np.linspace(0, parameters.beats / parameters.hertz, 16 * parameters.beats)
@@ -205,7 +193,7 @@ def test_no_partial_files_remain(tmp_path):
 
 
 def test_splits_share_nothing():
-    splits = {s: catalogue.identities(s, 33) for s in ("train", "val", "test")}
+    splits = {s: catalogue.identities(s, 33) for s in SPLITS}
     for field in ("name", "seed"):
         values = [getattr(i, field) for members in splits.values() for i in members]
         assert len(set(values)) == len(values)
@@ -222,12 +210,12 @@ def test_identities_are_balanced_interleaved_and_extendable():
         )
     assert [i.label for i in few[:4]] == list(CLASSES)
     drones = [i.family for i in many if i.label == "drone"]
-    kinds = len(catalogue.SPLITS["drone"]["train"])
+    kinds = TABLE["drone"]["train"]
     assert len(set(drones[:kinds])) == kinds and drones[:5] == drones[kinds : kinds + 5]
 
 
 def test_more_individuals_extend_the_table():
-    for split in ("train", "val", "test"):
+    for split in SPLITS:
         one, three = catalogue.identities(split), catalogue.identities(split, per_family=3)
         assert len(three) == 3 * len(one) and set(one) < set(three)
         assert {i.name for i in one} == {i.name for i in three if i.name.endswith("_00")}
@@ -235,21 +223,11 @@ def test_more_individuals_extend_the_table():
 
 def test_table_of_the_data_set():
     """91 identities in the counts of thesis Table 6.3; no family in two splits; no name twice."""
-    found = {split: catalogue.identities(split) for split in ("train", "val", "test")}
-    for label, counts in catalogue.TABLE.items():
+    found = {split: catalogue.identities(split) for split in SPLITS}
+    for label, counts in TABLE.items():
         assert {s: sum(i.label == label for i in members) for s, members in found.items()} == counts, label
     everyone = [i for members in found.values() for i in members]
     assert len(everyone) == len({i.name for i in everyone}) == len({(i.label, i.family) for i in everyone}) == 91
-
-
-def test_every_family_is_in_a_split():
-    for label, module in (
-        ("bird", birds),
-        ("drone", multicopters),
-        ("helicopter", helicopters),
-        ("airplane", airplanes),
-    ):
-        assert {f for names in catalogue.SPLITS[label].values() for f in names} == set(module.FAMILIES)
 
 
 @pytest.mark.parametrize(
@@ -266,28 +244,3 @@ def test_every_family_is_in_a_split():
 def test_mistakes_are_named(call, word, tmp_path):
     with pytest.raises(UserError, match=word):
         call(tmp_path)
-
-
-def test_colours_do_not_tell_the_class():
-    """Means of the palettes differ between classes by no more than chance (4 standard errors)."""
-    means = {}
-    for label in CLASSES:
-        seeds = [i.seed for i in catalogue.identities("train", 200) if i.label == label]
-        means[label] = np.stack([variation.draw_palette(variation.seed_of("colours", s)).srgb[0] for s in seeds])
-    pooled = np.concatenate(list(means.values()))
-    for values in means.values():
-        assert np.abs(values.mean(0) - pooled.mean(0)).max() < 4 * pooled.std(0).max() / np.sqrt(len(values))
-    assert pooled.min() >= 0 and pooled.max() <= 1 and pooled.std(0).min() > 0.15
-
-
-def test_draw_refuses_unknown_ranges():
-    with pytest.raises(TypeError, match="wings"):
-        variation.draw(catalogue.Identity, {"name": "a", "wings": 2}, np.random.default_rng(0))
-
-
-def test_draw_keeps_ranges():
-    drawn = [multicopters.draw_parameters("racing_quad", np.random.default_rng(s)) for s in range(30)]
-    low, high = multicopters.FAMILIES["racing_quad"]["nose_angle"]
-    angles = [p.nose_angle for p in drawn]
-    assert low <= min(angles) and max(angles) <= high and np.ptp(angles) > 0.6 * (high - low)
-    assert {p.blades for p in drawn} == {2, 3}

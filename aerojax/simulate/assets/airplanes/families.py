@@ -1,27 +1,22 @@
-"""Every airplane family with its ranges, and the split that it belongs to."""
+"""Families of airplanes, and individuals drawn from them."""
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cache
+from pathlib import Path
 
-from aerojax.simulate.assets.airplanes import families_jets as airplane_families_jets
-from aerojax.simulate.assets.airplanes import families_propellers as airplane_families_propellers
+import numpy as np
 
-FAMILIES: dict[str, dict[str, Any]] = airplane_families_propellers.FAMILIES | airplane_families_jets.FAMILIES
-"""Lengths over the wing span, angles in degrees (see `AirplaneParameters`)."""
+from aerojax.simulate.assets.airplanes.shape import AirplaneParameters
+from aerojax.simulate.assets.families import Family, draw, read_families
 
-SPLITS: dict[str, tuple[str, ...]] = {
-    "train": (
-        "high_wing_trainer",
-        "airliner",
-        "low_wing_sport",
-        "fighter",
-        "glider",
-        "twin_prop",
-        "foam_flyer",
-        "flying_wing",
-    ),
-    "val": ("commuter", "canard_delta", "business_jet", "floatplane"),
-    "test": ("biplane", "twin_boom", "jet_bomber", "ultralight"),
-}
-"""Families of each split, in the order in which identities are taken."""
+
+@cache
+def airplane_families() -> dict[str, Family]:
+    """Every family of airplanes by name, from the `families_*.toml` beside this file."""
+    return read_families(Path(__file__).parent, (AirplaneParameters,))
+
+
+def draw_airplane(family: str, rng: np.random.Generator) -> AirplaneParameters:
+    """Draw one airplane of a family."""
+    return draw(AirplaneParameters, airplane_families()[family].ranges, rng)

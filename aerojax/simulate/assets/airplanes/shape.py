@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -40,19 +41,19 @@ class AirplaneParameters:
     thickness: float
     winglet: float
     tip_round: float
-    tail: str
+    tail: Literal["conventional", "t", "v", "twin", "h", "boom", "cruciform", "none"]
     tail_span: float
     tail_chord: float
     fin_height: float
     fin_chord: float
     tail_sweep: float
-    power: str
+    power: Literal["nose", "pusher", "overhead", "wing_propellers", "pods", "rear_pods", "jet", "jetless"]
     engines: int
     engine_size: float
     blades: int
     propeller_radius: float
     hertz: float
-    gear: str
+    gear: Literal["none", "nose_wheel", "tail_wheel"]
     struts: bool = False
     biplane_gap: float = 0.0
     stagger: float = 0.0

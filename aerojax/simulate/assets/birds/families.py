@@ -1,38 +1,35 @@
-"""Every bird family with its ranges, and the split that it belongs to."""
+"""Families of birds, and individuals drawn from them."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 
-from aerojax.simulate.assets.birds import families_land as bird_families_land
-from aerojax.simulate.assets.birds import families_raptors as bird_families_raptors
-from aerojax.simulate.assets.birds import families_water as bird_families_water
+import numpy as np
 
-FAMILIES: dict[str, dict[str, Any]] = (
-    bird_families_land.FAMILIES | bird_families_raptors.FAMILIES | bird_families_water.FAMILIES
-)
-"""Lengths over the wing span, angles in degrees, mass and span of the living bird (see `BirdShape` and `WingBeat`)."""
+from aerojax.simulate.assets.birds.shape import BirdShape
+from aerojax.simulate.assets.birds.wingbeat import WingBeat, wingbeat_hertz
+from aerojax.simulate.assets.families import Family, draw, read_families
 
-SPLITS: dict[str, tuple[str, ...]] = {
-    "train": (
-        "passerine",
-        "gull",
-        "buzzard",
-        "goose",
-        "pigeon",
-        "heron",
-        "swift",
-        "albatross",
-        "owl",
-        "flamingo",
-        "frigatebird",
-        "pheasant",
-        "vulture",
-        "woodpecker",
-        "hummingbird",
-    ),
-    "val": ("crow", "falcon", "swallow", "pelican", "parrot", "sandpiper"),
-    "test": ("eagle", "stork", "duck", "tern", "kite", "swan", "kingfisher", "hoopoe"),
-}
-"""Families of each split, in the order in which identities are taken. The extremes train (longest wings, necks, legs
-and tails, fastest and slowest beats), so that the other splits hold new kinds within that range."""
+
+@dataclass(frozen=True)
+class BirdParameters:
+    """One bird: its shape and how it beats its wings."""
+
+    shape: BirdShape
+    beat: WingBeat
+
+
+@cache
+def bird_families() -> dict[str, Family]:
+    """Every family of birds by name, from the `families_*.toml` beside this file."""
+    return read_families(Path(__file__).parent, (BirdShape, WingBeat), derived=("hertz",))
+
+
+def draw_bird(family: str, rng: np.random.Generator) -> BirdParameters:
+    """Draw one bird of a family; its wings beat at the frequency of Pennycuick's formula for its mass and span."""
+    ranges = bird_families()[family].ranges
+    shape = draw(BirdShape, ranges, rng)
+    hertz = wingbeat_hertz(shape.mass, shape.span, shape.aspect)
+    return BirdParameters(shape, draw(WingBeat, {**ranges, "hertz": hertz}, rng))

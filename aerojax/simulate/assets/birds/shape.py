@@ -7,6 +7,7 @@ aspect ratio (span squared over wing area) 4 to 15; the hand is 0.4-0.6 of the h
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class BirdShape:
     head_radius: float
     bill_length: float
     bill_radius: float
-    tail: str
+    tail: Literal["fan", "square", "wedge", "pointed", "lance", "notch", "fork", "streamers"]
     tail_length: float
     tail_width: float
     legs: float
@@ -42,11 +43,11 @@ class BirdShape:
     hand: float
     wrist_forward: float
     tip_sweep: float
-    tip: str
+    tip: Literal["pointed", "round", "slotted"]
     fingers: int
     arch: float
     wing_place: float
-    bill: str
+    bill: Literal["cone", "dagger", "hook", "curved", "flat", "pouch", "bent"]
     crest: float
     neck_fold: float
     mass: float

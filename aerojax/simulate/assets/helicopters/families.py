@@ -1,26 +1,22 @@
-"""Helicopter families: ranges (lengths over the fuselage length, degrees; see `HelicopterParameters`) and splits."""
+"""Families of helicopters, and individuals drawn from them."""
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cache
+from pathlib import Path
 
-from aerojax.simulate.assets.helicopters.families_heavy import HEAVY_KINDS
-from aerojax.simulate.assets.helicopters.families_light import LIGHT_KINDS
+import numpy as np
 
-FAMILIES: dict[str, dict[str, Any]] = LIGHT_KINDS | HEAVY_KINDS
+from aerojax.simulate.assets.families import Family, draw, read_families
+from aerojax.simulate.assets.helicopters.layout import HelicopterParameters
 
-SPLITS: dict[str, tuple[str, ...]] = {
-    "train": (
-        "light_piston",
-        "transport",
-        "light_turbine",
-        "attack",
-        "pod_and_boom",
-        "fenestron",
-        "tandem",
-        "sky_crane",
-    ),
-    "val": ("heavy_transport", "utility", "twin_fin_jet", "synchropter"),
-    "test": ("open_frame", "coaxial", "executive", "aerobatic_model"),
-}
-"""Which families each split draws from, in the order of the identities."""
+
+@cache
+def helicopter_families() -> dict[str, Family]:
+    """Every family of helicopters by name, from the `families_*.toml` beside this file."""
+    return read_families(Path(__file__).parent, (HelicopterParameters,))
+
+
+def draw_helicopter(family: str, rng: np.random.Generator) -> HelicopterParameters:
+    """Draw one helicopter of a family."""
+    return draw(HelicopterParameters, helicopter_families()[family].ranges, rng)

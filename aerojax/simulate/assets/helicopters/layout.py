@@ -8,6 +8,7 @@ rotor diameter over fuselage length 1.11 (R44), 1.15 (Bo 105), 1.06 (UH-60), 0.9
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -28,7 +29,7 @@ class HelicopterParameters:
     bubble: whether the cabin's whole front is glass; struts: whether two rods brace the boom.
     """
 
-    layout: str
+    layout: Literal["single", "tandem", "coaxial", "intermeshing"]
     cabin_length: float
     cabin_width: float
     cabin_height: float
@@ -39,7 +40,7 @@ class HelicopterParameters:
     boom_root: float
     boom_tip: float
     boom_height: float
-    boom: str
+    boom: Literal["tube", "rod", "truss", "spine"]
     cowling_length: float
     cowling_height: float
     fin_height: float
@@ -50,7 +51,7 @@ class HelicopterParameters:
     stabiliser_chord: float
     stabiliser_place: float
     end_plates: float
-    tail_rotor: str
+    tail_rotor: Literal["open", "fenestron", "jet", "none"]
     tail_radius: float
     tail_blades: int
     blades: int
@@ -59,7 +60,7 @@ class HelicopterParameters:
     mast_place: float
     mast_height: float
     coning: float
-    gear: str
+    gear: Literal["skids", "wheels", "tucked", "stilts"]
     gear_height: float
     gear_width: float
     hertz: float

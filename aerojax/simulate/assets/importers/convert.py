@@ -15,8 +15,8 @@ from aerojax.simulate.assets.importers.motion import at_speed, without_mirrors
 from aerojax.simulate.assets.importers.obj import load_wavefront
 from aerojax.simulate.assets.importers.scene import ImportedScene
 from aerojax.simulate.assets.importers.size import length_by_class, middle, survey
-from aerojax.simulate.assets.importers.stage import copy_source, open_source
-from aerojax.simulate.assets.importers.textures import bake
+from aerojax.simulate.assets.importers.textures import write_textures
+from aerojax.simulate.assets.importers.usd import copy_source, open_source
 from aerojax.simulate.assets.importers.write_usd import write_scene
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from aerojax.simulate.usd.authoring import row_matrix, write_stage
@@ -57,12 +57,12 @@ def _digest_of(path: Path) -> str:
 
 def _convert_scene(model: ImportedModel, path: Path, digest: str) -> None:
     scene = at_speed(without_mirrors(_load(model)), model.speed)
-    pictures = bake(scene, path, str(model.file))
+    textures = write_textures(scene, path, str(model.file))
 
     def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
-        write_scene(stage, root.AppendChild("model"), scene, pictures)
+        write_scene(stage, root.AppendChild("model"), scene, textures)
         _place(stage, root.AppendChild("model"), model, model.up)
-        _sign(stage, model, digest)
+        _note_origin(stage, model, digest)
 
     write_stage(path, scene.seconds, fill)
 
@@ -90,7 +90,7 @@ def _convert_stage(model: ImportedModel, path: Path, digest: str) -> None:
     def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
         copy_source(stage, root.AppendChild("model"), source, path)
         _place(stage, root.AppendChild("model"), model, up)
-        _sign(stage, model, digest)
+        _note_origin(stage, model, digest)
 
     write_stage(path, source.seconds, fill)
 
@@ -110,6 +110,6 @@ def _place(stage: Usd.Stage, prim: Sdf.Path, model: ImportedModel, up: str) -> N
     operation.Set(row_matrix(turn))
 
 
-def _sign(stage: Usd.Stage, model: ImportedModel, digest: str) -> None:
+def _note_origin(stage: Usd.Stage, model: ImportedModel, digest: str) -> None:
     """Note in the layer what it was made from."""
     stage.GetRootLayer().customLayerData = {DIGEST: digest, "source": model.source, "licence": model.licence}

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerojax.core.errors import UserError
-from aerojax.simulate.assets.catalogue import SPLITS, Identity
+from aerojax.core.seeds import seed_of
+from aerojax.core.types import CLASSES
+from aerojax.simulate.assets.catalogue import Identity, families_of
 from aerojax.simulate.assets.importers.models import read_models
-from aerojax.simulate.assets.variation import seed_of
 
 FAMILY = "imported"
 
@@ -34,7 +35,7 @@ def imported_identities(path: Path) -> tuple[Identity, ...]:
         UserError: if the list does not fit, or a name is one of a procedural identity.
     """
     models = read_models(path)
-    ours = {f"{label}_{family}" for label, splits in SPLITS.items() for names in splits.values() for family in names}
+    ours = {f"{label}_{family}" for label in CLASSES for family in families_of(label)}
     taken = [m.name for m in models if m.name.rpartition("_")[0] in ours and m.name.rpartition("_")[2].isdigit()]
     if taken:
         raise UserError(

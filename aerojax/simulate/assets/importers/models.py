@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
+from aerojax.data.splits import SPLITS, Split
 
-SPLITS = ("train", "val", "test")
 GLTF, WAVEFRONT, USD = (".glb", ".gltf"), (".obj",), (".usd", ".usda", ".usdc", ".usdz")
 AXES = {sign + letter: (1.0 if sign == "+" else -1.0) * np.eye(3)[i] for sign in "+-" for i, letter in enumerate("XYZ")}
 _NEEDED = ("name", "file", "class")
@@ -41,7 +41,7 @@ class ImportedModel:
     name: unique, also the stem of its stage.
     file: `.glb`, `.gltf`, `.obj` or USD, absolute.
     label: one of `aerojax.core.types.CLASSES`; "class" in the file.
-    split: "train", "val" or "test".
+    split: that it belongs to; "test" where the list does not say.
     forward, up: axes of the file that point to the nose and upwards; an empty `up` takes the USD stage's own.
     scale: metres per unit, or "auto" for the class's rule (1 m wingspan, fuselage or motor diagonal).
     animation: index or name of the clip; None for a still model; "first" takes the first clip, if there is one.
@@ -52,7 +52,7 @@ class ImportedModel:
     name: str
     file: Path
     label: str
-    split: str
+    split: Split
     forward: str
     up: str
     scale: float | Literal["auto"]

@@ -31,7 +31,7 @@ def load_wavefront(path: Path) -> ImportedScene:
     """Read an OBJ file: polygons become fans, objects and groups become nodes; lines, points and curves are left out.
 
     Raises:
-        UserError: if a line or a number in it is not understood, or a material library or a picture is missing.
+        UserError: if a line or a number in it is not understood, or a material library or a texture is missing.
     """
     reading, part, material = _Reading(path), "model", ""
     for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
@@ -126,11 +126,11 @@ def _with(reading: _Reading, material: Material, word: str, values: list[str], l
     if word == "Pm":
         return replace(material, metallic=float(values[0]))
     if word == "map_Kd":
-        picture = library.parent / values[-1].replace("\\", "/")
-        if not picture.is_file():
+        texture = library.parent / values[-1].replace("\\", "/")
+        if not texture.is_file():
             raise UserError(
                 "missing", f"{library}: map_Kd names {values[-1]}, which is missing", "keep it beside the library"
             )
-        reading.textures.append(picture.read_bytes())
+        reading.textures.append(texture.read_bytes())
         return replace(material, texture=len(reading.textures) - 1)
     return material

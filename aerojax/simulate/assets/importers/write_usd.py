@@ -21,26 +21,26 @@ from aerojax.simulate.assets.importers.skeletons import (
     write_morph_driver,
     write_skeleton,
 )
-from aerojax.simulate.assets.importers.textures import Picture, mean_colours
+from aerojax.simulate.assets.importers.textures import Image, mean_colours
 from aerojax.simulate.usd.authoring import TIME_CODES_PER_SECOND
 
-Pictures = dict[Material, tuple[str, Picture]]
+Textures = dict[Material, tuple[str, Image]]
 
 
 @dataclass(frozen=True)
-class _Page:
+class _Output:
     """What is written to, and what every part of it needs."""
 
     stage: Usd.Stage
     model: Sdf.Path
     materials: Sdf.Path
     scene: ImportedScene
-    pictures: Pictures
+    textures: Textures
     names: tuple[str, ...]
     paths: dict[int, Sdf.Path]
 
 
-def write_scene(stage: Usd.Stage, model: Sdf.Path, scene: ImportedScene, pictures: Pictures) -> None:
+def write_scene(stage: Usd.Stage, model: Sdf.Path, scene: ImportedScene, textures: Textures) -> None:
     """Author the scene under `model`, which becomes a SkelRoot if anything is skinned or morphed.
 
     Skins become UsdSkel skeletons and morph targets UsdSkel blend shapes: both are as exact as time-sampled points,
@@ -50,25 +50,25 @@ def write_scene(stage: Usd.Stage, model: Sdf.Path, scene: ImportedScene, picture
         stage: to write to; its time codes are `TIME_CODES_PER_SECOND`.
         model: path of the prim that holds everything; materials go to its sibling "materials".
         scene: without mirroring transforms.
-        pictures: file name (beside the stage) and picture of every textured material.
+        textures: file name (beside the stage) and image of every textured material.
     """
     deformed = any(n.skin is not None or any(s.morphs for s in n.surfaces) for n in scene.nodes)
     (UsdSkel.Root if deformed else UsdGeom.Xform).Define(stage, model)
-    page = _Page(
+    output = _Output(
         stage,
         model,
         model.GetParentPath().AppendChild("materials"),
         scene,
-        pictures,
+        textures,
         node_names(scene.nodes),
         {-1: model},
     )
-    bones = tuple(skeleton_bones(page.names, scene, skin) for skin in scene.skins)
+    bones = tuple(skeleton_bones(output.names, scene, skin) for skin in scene.skins)
     for index in sorted(_drawn(scene, bones)):
-        page.paths[index] = page.paths[scene.nodes[index].parent].AppendChild(page.names[index])
-        _write_node(page, index)
-    _write_skinned(page, bones)
-    _write_morphed(page)
+        output.paths[index] = output.paths[scene.nodes[index].parent].AppendChild(output.names[index])
+        _write_node(output, index)
+    _write_skinned(output, bones)
+    _write_morphed(output)
     if deformed:
         _write_extents(UsdSkel.Root.Get(stage, model), scene.seconds)
 
@@ -85,13 +85,13 @@ def _drawn(scene: ImportedScene, bones: tuple[Bones, ...]) -> set[int]:
     return wanted
 
 
-def _write_node(page: _Page, index: int) -> None:
-    node = page.scene.nodes[index]
-    prim = UsdGeom.Xform.Define(page.stage, page.paths[index])
-    _write_transform(prim, node, {t.quantity: t for t in page.scene.tracks if t.node == index})
+def _write_node(output: _Output, index: int) -> None:
+    node = output.scene.nodes[index]
+    prim = UsdGeom.Xform.Define(output.stage, output.paths[index])
+    _write_transform(prim, node, {t.quantity: t for t in output.scene.tracks if t.node == index})
     if node.skin is None:
         for number, surface in enumerate(node.surfaces):
-            _write_surface(page, page.paths[index].AppendChild(f"surface_{number}"), surface)
+            _write_surface(output, output.paths[index].AppendChild(f"surface_{number}"), surface)
 
 
 def _write_transform(prim: UsdGeom.Xform, node: Node, tracks: dict[str, Track]) -> None:
@@ -119,41 +119,41 @@ def _write_samples(
         operation.Set(kind(value), seconds * TIME_CODES_PER_SECOND)
 
 
-def _write_skinned(page: _Page, bones: tuple[Bones, ...]) -> None:
+def _write_skinned(output: _Output, bones: tuple[Bones, ...]) -> None:
     """Skeletons beside the meshes that they bend; such a mesh's own node does not move it."""
-    for number, (bone, skin) in enumerate(zip(bones, page.scene.skins, strict=True)):
-        path = page.paths[bone.holder].AppendChild(f"skeleton_{number}")
-        bound = [(page.names[i], i) for i, node in enumerate(page.scene.nodes) if node.skin == number]
-        skeleton = write_skeleton(page.stage, path, page.scene, bone, skin, bound)
+    for number, (bone, skin) in enumerate(zip(bones, output.scene.skins, strict=True)):
+        path = output.paths[bone.holder].AppendChild(f"skeleton_{number}")
+        bound = [(output.names[i], i) for i, node in enumerate(output.scene.nodes) if node.skin == number]
+        skeleton = write_skeleton(output.stage, path, output.scene, bone, skin, bound)
         for name, i in bound:
-            for k, surface in enumerate(page.scene.nodes[i].surfaces):
-                mesh = _write_surface(page, path.GetParentPath().AppendChild(f"{name}_surface_{k}"), surface)
+            for k, surface in enumerate(output.scene.nodes[i].surfaces):
+                mesh = _write_surface(output, path.GetParentPath().AppendChild(f"{name}_surface_{k}"), surface)
                 bind_skin(mesh, surface, skin, bone)
-                bind_morphs(page.stage, mesh, surface, name)
+                bind_morphs(output.stage, mesh, surface, name)
                 UsdSkel.BindingAPI(mesh).CreateSkeletonRel().SetTargets([skeleton.GetPath()])
 
 
-def _write_morphed(page: _Page) -> None:
+def _write_morphed(output: _Output) -> None:
     """One driver for all meshes that are morphed and not skinned."""
     morphed = [
-        (page.names[i], i)
-        for i, n in enumerate(page.scene.nodes)
+        (output.names[i], i)
+        for i, n in enumerate(output.scene.nodes)
         if n.skin is None and any(s.morphs for s in n.surfaces)
     ]
     if not morphed:
         return
-    skeleton = write_morph_driver(page.stage, page.model.AppendChild("morphs"), page.scene, morphed)
+    skeleton = write_morph_driver(output.stage, output.model.AppendChild("morphs"), output.scene, morphed)
     for name, i in morphed:
-        for k, surface in enumerate(page.scene.nodes[i].surfaces):
-            mesh = UsdGeom.Mesh.Get(page.stage, page.paths[i].AppendChild(f"surface_{k}"))
-            bind_morphs(page.stage, mesh, surface, name)
+        for k, surface in enumerate(output.scene.nodes[i].surfaces):
+            mesh = UsdGeom.Mesh.Get(output.stage, output.paths[i].AppendChild(f"surface_{k}"))
+            bind_morphs(output.stage, mesh, surface, name)
             if surface.morphs:
                 UsdSkel.BindingAPI(mesh).CreateSkeletonRel().SetTargets([skeleton.GetPath()])
 
 
-def _write_surface(page: _Page, path: Sdf.Path, surface: Surface) -> UsdGeom.Mesh:
+def _write_surface(output: _Output, path: Sdf.Path, surface: Surface) -> UsdGeom.Mesh:
     """A triangle mesh with normals, texture coordinates, colours, extent and its material."""
-    mesh = UsdGeom.Mesh.Define(page.stage, path)
+    mesh = UsdGeom.Mesh.Define(output.stage, path)
     corners = surface.faces.reshape(-1).astype(np.int32)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(surface.points))
     mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(len(surface.faces), 3, np.int32)))
@@ -168,9 +168,9 @@ def _write_surface(page: _Page, path: Sdf.Path, surface: Surface) -> UsdGeom.Mes
             "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
         )
         variable.Set(Vt.Vec2fArray.FromNumpy(surface.st[corners]))
-    picture = page.pictures.get(surface.material) if surface.st is not None else None
-    _colour(mesh, surface, picture)
-    material = preview_material(page.stage, page.materials, surface, None if picture is None else picture[0])
+    texture = output.textures.get(surface.material) if surface.st is not None else None
+    _colour(mesh, surface, texture)
+    material = preview_material(output.stage, output.materials, surface, None if texture is None else texture[0])
     UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
     return mesh
 
@@ -185,12 +185,12 @@ def _corner_normals(surface: Surface) -> np.ndarray:
     return np.where(length > 0, chosen / np.where(length > 0, length, 1.0), (0.0, 0.0, 1.0)).astype(np.float32)
 
 
-def _colour(mesh: UsdGeom.Mesh, surface: Surface, picture: tuple[str, Picture] | None) -> None:
+def _colour(mesh: UsdGeom.Mesh, surface: Surface, texture: tuple[str, Image] | None) -> None:
     """`displayColor`: of the vertices, else the texture's mean on each face, else the material's."""
     if surface.colours is not None:
         kind, values = UsdGeom.Tokens.vertex, surface.colours * np.asarray(surface.material.colour)
-    elif picture is not None:
-        kind, values = UsdGeom.Tokens.uniform, mean_colours(surface, picture[1])
+    elif texture is not None:
+        kind, values = UsdGeom.Tokens.uniform, mean_colours(surface, texture[1])
     else:
         kind, values = UsdGeom.Tokens.constant, np.asarray([surface.material.colour])
     mesh.CreateDisplayColorPrimvar(kind).Set(Vt.Vec3fArray.FromNumpy(values.clip(0, 1).astype(np.float32)))

@@ -28,7 +28,7 @@ class Part:
     """One mesh of an asset.
 
     mesh: a spinning mesh has its hub at its origin.
-    role: picks its colour; 0 is the skin, which wears all patterns.
+    role: picks its colour; 0 is the skin, which has all patterns.
     opacity: below 1 for what light passes through, as the disc that a fast rotor blurs into.
     """
 

@@ -1,43 +1,22 @@
-"""Multicopter families: ranges (lengths over the motor diagonal, degrees; see `MulticopterParameters`) and splits."""
+"""Families of multicopters, and individuals drawn from them."""
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cache
+from pathlib import Path
 
-from aerojax.simulate.assets.multicopters.families_enclosed import ENCLOSED
-from aerojax.simulate.assets.multicopters.families_frames import FRAMES
-from aerojax.simulate.assets.multicopters.families_work import WORK
+import numpy as np
 
-FAMILIES: dict[str, dict[str, Any]] = FRAMES | WORK | ENCLOSED
+from aerojax.simulate.assets.families import Family, draw, read_families
+from aerojax.simulate.assets.multicopters.layout import MulticopterParameters
 
-SPLITS: dict[str, tuple[str, ...]] = {
-    "train": (
-        "camera_quad",
-        "racing_quad",
-        "hexacopter",
-        "micro_quad",
-        "research_quad",
-        "tricopter",
-        "guarded_quad",
-        "heavy_lift",
-        "coaxial_x8",
-        "folding_quad",
-        "cinewhoop",
-        "sprayer",
-        "caged_quad",
-        "plus_quad",
-        "air_taxi",
-    ),
-    "val": ("octocopter", "h_frame", "lidar_mapper", "whoop", "spider_hexa", "v_tail_quad", "parachute_hexa"),
-    "test": (
-        "dead_cat",
-        "coaxial_y6",
-        "parcel_octo",
-        "raised_arm_quad",
-        "sling_quad",
-        "ring_hexa",
-        "fuselage_quad",
-        "grille_quad",
-    ),
-}
-"""Which families each split draws from, in the order of the identities."""
+
+@cache
+def multicopter_families() -> dict[str, Family]:
+    """Every family of multicopters by name, from the `families_*.toml` beside this file."""
+    return read_families(Path(__file__).parent, (MulticopterParameters,))
+
+
+def draw_multicopter(family: str, rng: np.random.Generator) -> MulticopterParameters:
+    """Draw one multicopter of a family."""
+    return draw(MulticopterParameters, multicopter_families()[family].ranges, rng)

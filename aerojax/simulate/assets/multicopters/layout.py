@@ -8,6 +8,7 @@ a 5-inch racer, 0.18 on an octocopter).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -38,34 +39,34 @@ class MulticopterParameters:
     arm_height: float
     arm_rise: float
     round_arms: bool
-    frame: str
-    hull: str
+    frame: Literal["radial", "v", "corners", "h", "rails", "t", "rim", "spider", "vtail"]
+    hull: Literal["box", "dome", "egg", "fuselage", "plate", "slab", "stack"]
     hull_length: float
     hull_width: float
     hull_height: float
-    legs: str
+    legs: Literal["none", "skids", "posts", "motor_posts", "retracted"]
     leg_height: float
     motor_radius: float
     motor_height: float
     hertz: float
     coaxial: bool = False
     pusher: bool = False
-    guard: str = "none"
+    guard: Literal["none", "ring", "duct", "cage", "grille"] = "none"
     gimbal: float = 0.0
-    payload: str = "none"
+    payload: Literal["none", "box", "tank", "bottle", "sling"] = "none"
     payload_size: float = 0.0
     battery: float = 0.0
     antennas: int = 0
     gps_mast: float = 0.0
-    layout: str = "ring"
+    layout: Literal["ring", "plus", "rails"] = "ring"
     rear_rise: float = 0.0
     rear_tilt: float = 0.0
     guard_height: float = 0.12
-    roof: str = "none"
+    roof: Literal["none", "lidar", "parachute", "camera"] = "none"
     roof_size: float = 0.0
     boom_span: float = 0.0
     tether: float = 0.0
-    tail: str = "none"
+    tail: Literal["none", "vee", "fin"] = "none"
     tail_size: float = 0.0
 
 

@@ -1,4 +1,4 @@
-"""Texture atlases without unwrapping by hand: two triangles a cell, cells on shelves, colours baked texel by texel.
+"""Texture atlases without unwrapping by hand: two triangles a cell, shelf packing of cells, colours baked by texel.
 
 A triangle keeps its shape: it lies on its longest edge, and a second one of about its height, turned by half a turn,
 leans on it. Texels outside of a triangle, but near enough for bilinear filtering to read them, are baked at the same
@@ -7,15 +7,13 @@ affine map, that is at the continuation of the triangle's plane: no seam can sho
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from aerojax.core.errors import UserError
+from aerojax.core.colour import linear_from_srgb
 from aerojax.simulate.assets.mesh.shapes import Mesh
 
 WIDTH = 512
@@ -175,28 +173,3 @@ def _filled(image: UInt8[np.ndarray, "row column 3"], texels: Texels) -> UInt8[n
     used = np.flatnonzero(free.ravel() == 0)
     flat[label.ravel()[used]] = used
     return image.reshape(-1, 3)[flat[label]]
-
-
-def linear_from_srgb(srgb: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
-    """Decode sRGB (IEC 61966-2-1)."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def write_png(path: Path, image: UInt8[np.ndarray, "row column 3"]) -> None:
-    """Write an sRGB image in one step; the same image gives the same bytes.
-
-    Raises:
-        UserError: if the folder cannot be written.
-    """
-    partial = path.with_name(f".{path.stem}.{os.getpid()}.png")
-    done, encoded = cv2.imencode(".png", image[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 6])
-    if not done:
-        raise UserError("invalid", f"{path}: the texture could not be encoded", "check that OpenCV was built with PNG")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(encoded.tobytes())
-    except OSError as error:
-        raise UserError(
-            "invalid", f"{path}: the texture cannot be written ({error.strerror})", "check folder and space"
-        ) from error
-    partial.replace(path)

@@ -1,4 +1,4 @@
-"""The coat of an asset: its texture, baked and written beside the stage, and the materials that bind it."""
+"""The texture of an asset, baked and written beside its stage, and the materials that bind it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,16 @@ from aerojax.simulate.assets.mesh.parts import Part, corner_normals
 from aerojax.simulate.assets.mesh.shapes import merge
 from aerojax.simulate.assets.paint import atlas as textures
 from aerojax.simulate.assets.paint import patterns
+from aerojax.simulate.assets.paint.texture_file import write_texture
 
 GLASS = ("glass", "canopy", "windscreen", "windows")
-"""Names of parts that are glossy and wear no pattern; their colour is the palette's, as any part's, because glass of a
+"""Names of parts that are glossy and have no pattern; their colour is the palette's, as any part's, because glass of a
 colour of its own would tell birds from what people fly."""
 GLASS_ROUGHNESS = 0.08
 
 
 @dataclass(frozen=True)
-class PartCoat:
+class PartTexture:
     """A part's texture coordinates and its faces' mean colours (linear)."""
 
     st: Float[np.ndarray, "face 3 2"]
@@ -30,26 +31,26 @@ class PartCoat:
 
 
 @dataclass(frozen=True)
-class Coats:
-    """The coats of an asset's parts, in order, their shared texture (a file name) and the roughness of its paint."""
+class BakedTexture:
+    """The texture of an asset: its parts' places in it, in their order, its file's name and the paint's roughness."""
 
-    parts: tuple[PartCoat, ...]
-    texture: str
+    parts: tuple[PartTexture, ...]
+    file: str
     roughness: float
 
 
-def paint(path: Path, parts: tuple[Part, ...], seed: int) -> Coats:
+def bake_texture(path: Path, parts: tuple[Part, ...], seed: int) -> BakedTexture:
     """Bake the parts' colours into `<path's stem>.png` beside the stage `path`.
 
     Args:
         path: of the stage that will bind the texture.
         parts: in the rest pose, body frame, metres.
-        seed: of palette and patterns; all that decides the colours, beside the shape that wears them.
+        seed: of palette and patterns; all that decides the colours, beside the shape.
 
     Raises:
         UserError: if the texture cannot be written.
     """
-    coat = patterns.draw_paint(seed)
+    paint = patterns.draw_paint(seed)
     whole = merge(*(part.mesh for part in parts))
     atlas = textures.lay_out(whole)
     texels = textures.texels_of(atlas)
@@ -59,13 +60,13 @@ def paint(path: Path, parts: tuple[Part, ...], seed: int) -> Coats:
     for number, part in enumerate(parts):
         chosen = np.flatnonzero((texels.face >= first[number]) & (texels.face < first[number + 1]))
         surface = _surface(textures.interpolate(texels, corners, chosen))
-        srgb[chosen] = patterns.colours(coat, part.role, surface, plain=part.name in GLASS)
+        srgb[chosen] = patterns.colours(paint, part.role, surface, plain=part.name in GLASS)
     image, linear = textures.compose(atlas, texels, srgb)
     target = path.with_suffix(".png")
-    textures.write_png(target, image)
+    write_texture(target, image, compression=6)
     st = atlas.st()
     pieces = [slice(a, b) for a, b in pairwise(first.tolist())]
-    return Coats(tuple(PartCoat(st[p], linear[p]) for p in pieces), target.name, coat.palette.roughness)
+    return BakedTexture(tuple(PartTexture(st[p], linear[p]) for p in pieces), target.name, paint.palette.roughness)
 
 
 def _corner_values(part: Part, parts: tuple[Part, ...]) -> Float[np.ndarray, "face 3 8"]:
@@ -94,15 +95,15 @@ class Materials:
 
     stage: Usd.Stage
     scope: Sdf.Path
-    coats: Coats
+    texture: BakedTexture
     _made: dict[str, UsdShade.Material] = field(default_factory=dict)
 
-    def bind(self, mesh: UsdGeom.Mesh, part: Part, coat: PartCoat) -> None:
+    def bind(self, mesh: UsdGeom.Mesh, part: Part, texture: PartTexture) -> None:
         """Give a mesh its texture coordinates (`primvars:st`, one a corner) and its material."""
         variable = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(
             "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
         )
-        variable.Set(Vt.Vec2fArray.FromNumpy(coat.st.reshape(-1, 2).astype(np.float32)))
+        variable.Set(Vt.Vec2fArray.FromNumpy(texture.st.reshape(-1, 2).astype(np.float32)))
         if part.opacity < 1.0:
             mesh.CreateDisplayOpacityPrimvar(UsdGeom.Tokens.constant).Set([part.opacity])
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(self._material(part))
@@ -113,7 +114,7 @@ class Materials:
         if part.opacity < 1.0:
             name += f"_{round(100 * part.opacity)}"
         if name not in self._made:
-            roughness = GLASS_ROUGHNESS if glass else self.coats.roughness
+            roughness = GLASS_ROUGHNESS if glass else self.texture.roughness
             self._made[name] = self._define(name, roughness, part.opacity)
         return self._made[name]
 
@@ -127,7 +128,7 @@ class Materials:
         reader.CreateInput("varname", types.String).Set("st")
         texture = UsdShade.Shader.Define(self.stage, path.AppendChild("texture"))
         texture.CreateIdAttr("UsdUVTexture")
-        texture.CreateInput("file", types.Asset).Set(Sdf.AssetPath(f"./{self.coats.texture}"))
+        texture.CreateInput("file", types.Asset).Set(Sdf.AssetPath(f"./{self.texture.file}"))
         texture.CreateInput("sourceColorSpace", types.Token).Set("sRGB")
         texture.CreateInput("wrapS", types.Token).Set("clamp")
         texture.CreateInput("wrapT", types.Token).Set("clamp")

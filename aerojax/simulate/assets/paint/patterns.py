@@ -1,6 +1,6 @@
 """Albedo patterns: solid functions of the rest-pose position and normal, layered over a palette.
 
-A pattern is drawn from a seed alone and never sees the class, so a bird may wear hazard stripes and a drone wing bars.
+A pattern is drawn from a seed alone and never sees the class, so a bird may have hazard stripes and a drone wing bars.
 Solid functions need no unwrapping and run across the seams between parts.
 """
 
@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from aerojax.simulate.assets.variation import Palette, draw_palette, seed_of
+from aerojax.core.seeds import seed_of
+from aerojax.simulate.assets.paint.palette import Palette, draw_palette
 
 ROLES = 8
 MAIN_SHARE, PATTERNED_SHARE = 0.6, 0.7
-"""How often a part other than the skin has the skin's ground colour and wears its layers: often, because birds are
+"""How often a part other than the skin has the skin's ground colour and its layers: often, because birds are
 nearly all skin and what people build is not, so that parts in colours of their own would tell them apart."""
 SOFTNESS = 0.008
 """Half width of an edge between two colours, in units of the asset's half size: about one texel."""
@@ -40,7 +41,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Layer:
-    """One coat of paint: where it goes (`kind` is a key of `MASKS`) and which palette colour it has.
+    """One layer of paint: where it lies (`kind` is a key of `MASKS`) and which palette colour it has.
 
     place, width, frequency: meaning by kind, in units of the half size and of cycles a metre. strength: 0..1.
     """
@@ -192,7 +193,7 @@ MASKS: dict[str, Callable[[Layer, Surface], Float[np.ndarray, "sample"]]] = {
 
 
 def draw_paint(seed: int) -> Paint:
-    """Palette, layers and the roles that wear them, for any class."""
+    """Palette, layers and the roles that they cover, for any class."""
     rng = np.random.default_rng(seed_of("paint", seed))
     palette = draw_palette(seed)
     kinds = rng.choice(sorted(MASKS), size=int(rng.integers(2, 5)), replace=False)
@@ -217,7 +218,7 @@ def draw_paint(seed: int) -> Paint:
 
 
 def colours(paint: Paint, role: int, surface: Surface, *, plain: bool = False) -> Float[np.ndarray, "sample 3"]:
-    """sRGB albedo of a part's points; `role` 0 is the skin, 1..7 are other materials; `plain` parts wear no layers."""
+    """sRGB albedo of a part's points; `role` 0 is the skin, 1..7 are other materials; `plain` parts have no layers."""
     srgb = np.repeat(paint.palette.srgb[paint.slot_of[role]][None], len(surface.position), axis=0)
     for layer in paint.layers if paint.patterned[role] and not plain else ():
         cover = (layer.strength * MASKS[layer.kind](layer, surface))[:, None]
