@@ -18,17 +18,21 @@ BEHIND = 1e-6
 
 
 @runtime_checkable
-class Pinhole(Protocol):
-    """Whatever has the numbers of a pinhole camera: `core.types.Camera`, `capture.format.CaptureCamera`.
-
-    K: intrinsics in pixels, 3×3; the centre of the top-left pixel is (0.5, 0.5).
-    world_from_cam: rigid transform, metres, 4×4.
-    """
+class Intrinsics(Protocol):
+    """Whatever has a pinhole's K: pixels, 3×3; the centre of the top-left pixel is (0.5, 0.5)."""
 
     @property
     def K(self) -> Any:
         """Intrinsics."""
         ...
+
+
+@runtime_checkable
+class Pinhole(Intrinsics, Protocol):
+    """Whatever has the numbers of a pinhole camera: `core.types.Camera`, `capture.format.CaptureCamera`.
+
+    world_from_cam: rigid transform, metres, 4×4.
+    """
 
     @property
     def world_from_cam(self) -> Any:
@@ -63,7 +67,7 @@ def _like(vector: Float[AnyArray, "n"], points: Float[AnyArray, "*batch n"]) -> 
     return namespace(points).broadcast_to(vector, points.shape)
 
 
-def pixels_of_camera_points(points: Float[AnyArray, "*batch 3"], camera: Pinhole) -> Float[AnyArray, "*batch 2"]:
+def pixels_of_camera_points(points: Float[AnyArray, "*batch 3"], camera: Intrinsics) -> Float[AnyArray, "*batch 2"]:
     """Project points of the camera's own frame: u = fx·X/Z + skew·Y/Z + cx, v = fy·Y/Z + cy.
 
     For callers that need the depth as well, or want to bound it first; else see `project_points`.
@@ -112,7 +116,7 @@ def unproject_depth(
     return transform_points(camera.world_from_cam, _camera_rays(pixels, camera) * depth[..., None])
 
 
-def _camera_rays(pixels: Float[AnyArray, "*batch 2"], camera: Pinhole) -> Float[AnyArray, "*batch 3"]:
+def _camera_rays(pixels: Float[AnyArray, "*batch 2"], camera: Intrinsics) -> Float[AnyArray, "*batch 3"]:
     """Points of the camera's frame at depth 1 behind pixels."""
     xp = namespace(pixels)
     ones = xp.ones((*pixels.shape[:-1], 1), pixels.dtype)

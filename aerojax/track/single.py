@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.core.types import FrameSet, Silhouette, Track
+from aerojax.geometry.cameras import pixel_rays
 from aerojax.track.base import TrackerConfig
 
 
@@ -100,6 +101,4 @@ def triangulate(
 
 
 def _ray(box: tuple[float, float, float, float], camera: CaptureCamera) -> Float64[np.ndarray, "3"]:
-    centre = np.array([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2, 1.0])
-    ray = camera.world_from_cam[:3, :3] @ np.linalg.solve(camera.K, centre)
-    return ray / np.linalg.norm(ray)
+    return pixel_rays(np.array([(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]), camera)

@@ -20,6 +20,7 @@ from aerojax.capture.imports.replicator_camera import Z_UP_FROM, UpAxis
 from aerojax.capture.imports.replicator_objects import FlyingPrims
 from aerojax.capture.truth import ObjectState, Quaternion, TrackedObject
 from aerojax.geometry.boxes import Box, tight_box, touches_border
+from aerojax.geometry.cameras import pixel_rays, unproject_depth
 from aerojax.geometry.rotations import quaternion_from_rotation
 from aerojax.geometry.triangulation import intersect_rays
 
@@ -53,16 +54,13 @@ def look_at_object(
     if box is None:
         return None
     rows, columns = np.nonzero(pixels)
-    image_points = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))])
-    rays = np.linalg.inv(camera.K) @ image_points
-    rotation = camera.world_from_cam[:3, :3]
-    mean_ray = rotation @ (np.linalg.inv(camera.K) @ image_points.mean(axis=1))
+    seen = np.stack([columns + 0.5, rows + 0.5], axis=1)
     surface = None
     if depth is not None and np.any(depth[pixels] > 0):
         known = depth[pixels] > 0
-        surface = rotation @ (rays * depth[pixels])[:, known].mean(axis=1) + camera.world_from_cam[:3, 3]
+        surface = unproject_depth(seen[known], depth[pixels][known], camera).mean(axis=0)
     cut = touches_border(box, camera.width, camera.height)
-    return Sight(box, cut, len(rows), mean_ray / np.linalg.norm(mean_ray), surface)
+    return Sight(box, cut, len(rows), pixel_rays(seen.mean(axis=0), camera), surface)
 
 
 def read_poses(

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.geometry.cameras import pixels_of_camera_points
 from aerojax.simulate.render.image import pinhole
 from aerojax.simulate.world.sky import Daylight, SkyConfig, cloud_noise, daylight, sky_luminance, sun_disc
 from kernels.rays.landscape import LandscapeCaster, LandscapeMesh, SurfaceBuffer
@@ -175,7 +176,7 @@ class Outdoors:
         local = view.rotation.T @ to_sun
         if local[2] <= 0:
             return
-        at = view.K[:2] @ (local / local[2])
+        at = pixels_of_camera_points(local, view)
         reach = 0.006 * view.K[0, 0] / local[2] ** 2 + 2.0
         x0, x1 = (int(np.clip(v, 0, view.width)) for v in (at[0] - reach, at[0] + reach + 1))
         y0, y1 = (int(np.clip(v, 0, view.height)) for v in (at[1] - reach, at[1] + reach + 1))
@@ -233,7 +234,7 @@ def _swept_window(
     if not points:
         return None
     local = np.array(points)
-    pixels = (local / local[:, 2:]) @ view.K[:2].T
+    pixels = pixels_of_camera_points(local, view)
     x0, y0 = np.clip(np.floor(pixels.min(axis=0)), 0, (view.width, view.height)).astype(int)
     x1, y1 = np.clip(np.ceil(pixels.max(axis=0)), 0, (view.width, view.height)).astype(int)
     return (int(x0), int(y0), int(x1), int(y1)) if x1 > x0 and y1 > y0 else None
