@@ -5,11 +5,11 @@ PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 CLIENTS := $(VENV)/.clients
 
-.PHONY: run test check bench venv clients format clean
+.PHONY: run test test-fast check bench docs wheel venv clients format clean
 
 venv: $(STAMP)
 
-$(STAMP): requirements.lock pyproject.toml
+$(STAMP): requirements.lock pyproject.toml setup.py
 	@test -x $(PY) || $(PYTHON) -m venv $(VENV)
 	@echo "installing the locked packages (about a minute)"
 	@$(PY) -m pip install --quiet --disable-pip-version-check -r requirements.lock
@@ -30,18 +30,27 @@ run: venv
 test: clients
 	$(PY) -m pytest -n auto --dist loadfile
 
+test-fast: clients
+	$(PY) -m pytest -n auto --dist loadfile -m "not slow"
+
 check: venv
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/pyrefly check
-	$(PY) -m pytest tests/test_architecture.py tests/test_configs.py
+	$(PY) -m pytest tests/test_architecture.py tests/test_configs.py tests/test_docs.py
 
 format: venv
 	$(VENV)/bin/ruff format .
 	$(VENV)/bin/ruff check --fix .
 
+docs: venv
+	$(PY) docs/make_api.py
+
+wheel: venv
+	$(PY) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
+
 bench: venv
 	$(PY) -m experiments.benchmark
 
 clean:
-	rm -rf $(VENV) build *.egg-info
+	rm -rf $(VENV) build dist *.egg-info

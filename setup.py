@@ -11,6 +11,7 @@ import ast
 import re
 import shutil
 from pathlib import Path
+from typing import Any
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
@@ -66,7 +67,7 @@ class BuildWheelFiles(build_py):
             shutil.rmtree(self.build_lib, ignore_errors=True)
         super().run()
 
-    def copy_file(self, infile: str, outfile: str, *args: object, **kwargs: object) -> tuple[str, bool]:
+    def copy_file(self, infile: str, outfile: str, *args: Any, **kwargs: Any) -> Any:
         """Copy one file, then rewrite the copy."""
         copied, done = super().copy_file(infile, outfile, *args, **kwargs)
         rewrite = {".py": rewritten_source, ".yaml": rewritten_config}.get(Path(copied).suffix)
