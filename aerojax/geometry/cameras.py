@@ -62,7 +62,7 @@ def points_in_camera(points_world: Float[AnyArray, "*batch 3"], camera: Pinhole)
     return (points_world - _like(centre, points_world)) @ rotation
 
 
-def _like(vector: Float[AnyArray, "n"], points: Float[AnyArray, "*batch n"]) -> Float[AnyArray, "*batch n"]:
+def _like(vector: Any, points: Float[AnyArray, "*batch n"]) -> Float[AnyArray, "*batch n"]:
     """A vector for each point; JAX does not guess ranks here."""
     return namespace(points).broadcast_to(vector, points.shape)
 

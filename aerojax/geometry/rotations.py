@@ -111,4 +111,4 @@ def rotation_between(source: Float[Array, "*batch 3"], target: Float[Array, "*ba
     v = jnp.cross(source, target)
     c = jnp.sum(source * target, axis=-1)[..., None, None]
     k = skew(v)
-    return jnp.eye(3, dtype=k.dtype) + k + k @ k / jnp.maximum(1 + c, 1e-9)
+    return jnp.broadcast_to(jnp.eye(3, dtype=k.dtype), k.shape) + k + k @ k / jnp.maximum(1 + c, 1e-9)

@@ -33,7 +33,7 @@ class Annotation:
     whole_box: Box | None
 
 
-def annotations(capture: Capture, camera_index: int, frame: int) -> Iterator[Annotation]:
+def image_annotations(capture: Capture, camera_index: int, frame: int) -> Iterator[Annotation]:
     """Objects that the truth says are visible in an image, in the truth's order.
 
     Raises:

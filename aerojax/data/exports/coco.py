@@ -18,7 +18,7 @@ from aerojax.capture.frames import read_mask
 from aerojax.core.errors import UserError
 from aerojax.core.files import whole_file
 from aerojax.core.types import CLASSES
-from aerojax.data.exports.annotations import Annotation, annotations, object_pixels
+from aerojax.data.exports.annotations import Annotation, image_annotations, object_pixels
 from aerojax.data.exports.images import place_image, recorded_frames
 from aerojax.data.exports.run_length import encode_mask
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names, stable_id
@@ -63,7 +63,7 @@ def _annotations(
     capture: Capture, sequence: SourceSequence, camera_index: int, frame: int, image_id: int
 ) -> Iterator[dict[str, Any]]:
     mask = read_mask(capture, camera_index, frame)
-    for seen in annotations(capture, camera_index, frame):
+    for seen in image_annotations(capture, camera_index, frame):
         pixels = object_pixels(mask, seen)
         x0, y0, x1, y1 = seen.box
         area = (x1 - x0) * (y1 - y0) if pixels is None else int(pixels.sum())

@@ -20,7 +20,7 @@ from jaxtyping import Float64
 
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.core.files import write_text
-from aerojax.data.exports.annotations import annotations
+from aerojax.data.exports.annotations import image_annotations
 from aerojax.data.exports.images import place_image, place_mask, recorded_frames
 from aerojax.data.exports.sources import (
     ExportOptions,
@@ -86,7 +86,7 @@ def _place_points(capture: Capture, images: list[_Image]) -> list[str]:
     positions: dict[tuple[int, int], tuple[float, float, float]] = {}
     for image in images if capture.truth is not None else ():
         camera = capture.cameras[image.camera_index]
-        for annotation in annotations(capture, image.camera_index, image.frame):
+        for annotation in image_annotations(capture, image.camera_index, image.frame):
             pixel = _pixel(np.array(annotation.state.position), camera)
             if pixel is not None:
                 key = image.frame, annotation.item.object_id

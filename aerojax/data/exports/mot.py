@@ -14,7 +14,7 @@ from pathlib import Path
 from aerojax.capture.format import Capture
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json, write_text
-from aerojax.data.exports.annotations import annotations
+from aerojax.data.exports.annotations import image_annotations
 from aerojax.data.exports.images import place_image, recorded_frames
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names
 
@@ -47,7 +47,7 @@ def write_sequence(
 
 def _box_lines(capture: Capture, camera_index: int, frame: int, number: int) -> str:
     text = ""
-    for seen in annotations(capture, camera_index, frame):
+    for seen in image_annotations(capture, camera_index, frame):
         x0, y0, x1, y1 = seen.box
         visibility = 1.0 if seen.visibility is None else seen.visibility
         corner = f"{x0:.3f},{y0:.3f},{x1 - x0:.3f},{y1 - y0:.3f}"

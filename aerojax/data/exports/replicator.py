@@ -20,7 +20,7 @@ from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.frames import read_depth, read_mask, read_normal
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.data.exports.annotations import Annotation, annotations
+from aerojax.data.exports.annotations import Annotation, image_annotations
 from aerojax.data.exports.images import place_image, recorded_frames, write_sparse_png
 from aerojax.data.exports.nerfstudio import OPENGL_FROM_OPENCV
 from aerojax.data.exports.sources import (
@@ -72,7 +72,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
             place_image(capture, camera_index, frame, rgb, options.images, suffixes=(".png",))
             files.write_json("camera_params", "camera_params", frame, parameters)
             _write_segmentation(capture, camera_index, frame, files)
-            _write_boxes(list(annotations(capture, camera_index, frame)), files, frame)
+            _write_boxes(list(image_annotations(capture, camera_index, frame)), files, frame)
             _write_normals(capture, camera_index, frame, files)
             depth = read_depth(capture, camera_index, frame) if options.depth else None
             if depth is not None:

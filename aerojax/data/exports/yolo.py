@@ -13,7 +13,7 @@ from typing import Any
 from aerojax.capture.format import Capture
 from aerojax.core.files import write_text
 from aerojax.core.types import CLASSES
-from aerojax.data.exports.annotations import annotations
+from aerojax.data.exports.annotations import image_annotations
 from aerojax.data.exports.images import place_image, recorded_frames
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names
 
@@ -32,7 +32,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
 def _label_lines(capture: Capture, camera_index: int, frame: int) -> str:
     camera = capture.cameras[camera_index]
     text = ""
-    for seen in annotations(capture, camera_index, frame):
+    for seen in image_annotations(capture, camera_index, frame):
         x0, y0, x1, y1 = seen.box
         centre = (x0 + x1) / (2 * camera.width), (y0 + y1) / (2 * camera.height)
         size = (x1 - x0) / camera.width, (y1 - y0) / camera.height
