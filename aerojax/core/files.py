@@ -66,6 +66,11 @@ def json_text(content: Any, *, indent: int | None = 1) -> str:
     return json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def fingerprint(*parts: bytes) -> str:
+    """A short hash of contents by which to know them again: 16 bytes of BLAKE2b (RFC 7693), in hexadecimal."""
+    return hashlib.blake2b(b"".join(parts), digest_size=16).hexdigest()
+
+
 def sha256_of_text(text: str) -> str:
     """SHA-256 of a UTF-8 file with this text, in hexadecimal."""
     return hashlib.sha256(text.encode()).hexdigest()

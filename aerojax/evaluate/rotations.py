@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,8 @@ from jaxtyping import Array, Float
 
 from aerojax.classify.base import TrainRotation
 from aerojax.core.errors import UserError
+from aerojax.core.files import whole_file
+from aerojax.core.seeds import seed_of
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.rotate import rotate
 from aerojax.geometry.rotations import rotation_from_quaternion
@@ -70,8 +71,7 @@ def draw_rotations(
     A function of its arguments alone: the order of clips, other clips and the length of the clip change nothing, and
     two pairs of seed and trial never share a rotation.
     """
-    digest = hashlib.sha256(f"{kind}/{seed}/{trial}/{clip}".encode()).digest()
-    rng = np.random.default_rng(int.from_bytes(digest[:16], "little"))
+    rng = np.random.default_rng(seed_of(kind, seed, trial, clip))
     if kind == "so3_per_frame":
         return quaternions_from_normals(rng.normal(size=(frames, 4)))
     if kind == "so3":
@@ -95,11 +95,8 @@ def cached_rotations(
     if missing:
         known |= {clip: draw_rotations(clip, kind, frames=frames, seed=seed, trial=trial) for clip in missing}
         names = sorted(known)
-        folder.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(path.name + ".tmp")
-        with temporary.open("wb") as file:
-            np.savez(file, clip=np.array(names), quaternion=np.stack([known[name] for name in names]))
-        temporary.replace(path)
+        with whole_file(path) as temporary:
+            np.savez(temporary, clip=np.array(names), quaternion=np.stack([known[name] for name in names]))
     return np.stack([known[clip] for clip in clips])
 
 

@@ -33,7 +33,7 @@ def test_settings_are_flat_and_back():
 
 def test_the_members_say_what_they_are():
     assert CARD.name == "MambaSplat-4D E(C_O), exact variant" and CARD.member == "mambasplat"
-    assert CARD.rotation_invariant and CARD.scale_normalisation == "clip"
+    assert CARD.rotation_invariant and CARD.scale_normalisation == "running"
     assert not untrained_card(published_config(), tokens=1, frames=1).rotation_invariant
 
 

@@ -49,7 +49,7 @@ class MambaSplatConfig(ClassifierConfig):
     variant: Literal["published", "exact"] = "exact"
     mode: Mode = "X"
     lifting: Literal["columns", "covariance"] = "covariance"
-    scale_normalisation: Literal["clip", "robust", "running", "frame", "none"] = "clip"
+    scale_normalisation: Literal["clip", "robust", "running", "frame", "none"] = "running"
     """Length that positions are divided by: root mean square distance over the clip, median distance over the clip
     (floaters far away do not count), root mean square over the frames so far, over each frame alone, or 1."""
     scalar_slots: int = 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import sha256_of_file
 from aerojax.data.manifest import DatasetEntries, IdentityEntry
 
 COPY = 3.0
@@ -131,7 +131,7 @@ def file_hash(path: Path) -> str:
         UserError: it cannot be read.
     """
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return sha256_of_file(path)
     except OSError:
         raise UserError(
             "unreadable", f"{path}: the asset that dataset.json names cannot be read", "generate or copy it again"

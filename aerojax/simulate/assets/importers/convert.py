@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import fingerprint
 from aerojax.simulate.assets.importers.gltf import load_gltf
 from aerojax.simulate.assets.importers.models import GLTF, WAVEFRONT, ImportedModel, body_from_file, described
 from aerojax.simulate.assets.importers.motion import at_speed, without_mirrors
@@ -38,7 +38,7 @@ def convert_model(model: ImportedModel, path: Path) -> None:
         raise UserError(
             "missing", f"model {model.name}: file {model.file} does not exist", "correct the list of models"
         )
-    digest = hashlib.blake2b(model.file.read_bytes() + described(model).encode(), digest_size=16).hexdigest()
+    digest = fingerprint(model.file.read_bytes(), described(model).encode())
     if path.is_file() and _digest_of(path) == digest:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
