@@ -23,14 +23,15 @@ SEEN: dict[str, tuple[str, ...]] = {
     **{stage: (*BASE, stage) for stage in STAGES},  # of another stage only its door, see `allowed`
     "pipeline": (*DATA, *STAGES, "pipeline"),
     "evaluate": (*DATA, "evaluate"),
+    "dataset_qa": (*DATA, "simulate", "evaluate", "dataset_qa"),  # it opens the stages that the simulator made
     "training": (*DATA, "evaluate", "training"),  # validation counts as evaluation does
-    "view": (*DATA, "evaluate", "view"),
-    "package": (*DATA, *STAGES, "simulate", "pipeline", "training", "evaluate", "view", "package"),
+    "view": (*DATA, "evaluate", "dataset_qa", "view"),
+    "package": (*DATA, *STAGES, "simulate", "pipeline", "training", "evaluate", "dataset_qa", "view", "package"),
     "kernels": ("kernels",),
 }
 """Which rooms a file of a room may import from; `experiments` sees all, and of itself only its private packages."""
 DOORS_SEEN_BY = ("training", "evaluate", *STAGES)
-KERNEL_USERS = ("kernels", "gaussians", "simulate", "reconstruct", "segment", "data", "experiments")
+KERNEL_USERS = ("kernels", "dataset_qa", "gaussians", "simulate", "reconstruct", "segment", "data", "experiments")
 MOST_LINES = 500
 MOST_LINES_OF_AN_ACT = 120
 FORBIDDEN_NAMES = ("utils", "common", "helpers", "misc")
@@ -41,6 +42,8 @@ def room_of(module: str) -> str:
     parts = module.split(".")
     if parts[0] in ("experiments", "kernels"):
         return parts[0]
+    if parts[1:3] == ["evaluate", "dataset_qa"]:
+        return "dataset_qa"
     return parts[1] if len(parts) > 1 and (ROOT / "aerojax" / parts[1]).is_dir() else "package"
 
 

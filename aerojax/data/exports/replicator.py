@@ -57,7 +57,7 @@ class _Folder:
         folder.mkdir(parents=True, exist_ok=True)
         return folder / f"{stem}_{frame:04d}{suffix}"
 
-    def write_json(self, annotator: str, stem: str, frame: int, content: Any) -> None:
+    def write_annotation(self, annotator: str, stem: str, frame: int, content: Any) -> None:
         write_json(self.path(annotator, stem, frame, ".json"), content, indent=None)
 
 
@@ -70,7 +70,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
         for frame in recorded_frames(capture, camera_index):
             rgb = files.path("rgb", "rgb", frame, "")
             place_image(capture, camera_index, frame, rgb, options.images, suffixes=(".png",))
-            files.write_json("camera_params", "camera_params", frame, parameters)
+            files.write_annotation("camera_params", "camera_params", frame, parameters)
             _write_segmentation(capture, camera_index, frame, files)
             _write_boxes(list(image_annotations(capture, camera_index, frame)), files, frame)
             _write_normals(capture, camera_index, frame, files)
@@ -102,9 +102,9 @@ def _write_segmentation(capture: Capture, camera_index: int, frame: int, files: 
     present = [o for o in capture.truth.objects if np.any(mask == o.object_id)]
     paths = {str(o.object_id + FIRST_ID - 1): prim_path(o.object_id, o.class_name) for o in present}
     labels = {str(o.object_id + FIRST_ID - 1): {"class": o.class_name} for o in present}
-    files.write_json(kind, f"{kind}_mapping", frame, names | paths)
+    files.write_annotation(kind, f"{kind}_mapping", frame, names | paths)
     semantics = {number: {"class": name} for number, name in names.items()} | labels
-    files.write_json(kind, f"{kind}_semantics_mapping", frame, semantics)
+    files.write_annotation(kind, f"{kind}_semantics_mapping", frame, semantics)
 
 
 def _write_normals(capture: Capture, camera_index: int, frame: int, files: _Folder) -> None:
@@ -125,9 +125,9 @@ def _write_boxes(seen: list[Annotation], files: _Folder, frame: int) -> None:
         rows.append((classes.index(annotation.item.class_name), *corners, hidden))
     kind = "bounding_box_2d_tight"
     np.save(files.path(kind, kind, frame, ".npy"), np.array(rows, dtype=BOX_TYPE))
-    files.write_json(kind, f"{kind}_labels", frame, {str(i): {"class": name} for i, name in enumerate(classes)})
+    files.write_annotation(kind, f"{kind}_labels", frame, {str(i): {"class": name} for i, name in enumerate(classes)})
     paths = [prim_path(o.item.object_id, o.item.class_name) for o in seen]
-    files.write_json(kind, f"{kind}_prim_paths", frame, paths)
+    files.write_annotation(kind, f"{kind}_prim_paths", frame, paths)
 
 
 def camera_parameters(camera: CaptureCamera) -> dict[str, Any]:
