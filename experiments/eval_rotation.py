@@ -16,9 +16,8 @@ from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
 from aerojax.data.windows import Windows, read_windows
-from aerojax.evaluate.bootstrap import accuracy, paired_interval
-from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answers, figures_of, video_confusions
-from aerojax.evaluate.rotations import TEST_ROTATIONS, protocols_of
+from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answers, figures_of, paired_figures
+from aerojax.evaluate.rotations import protocols_of
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -107,16 +106,10 @@ def main(config: Config, run: Run) -> None:
         other, other_test, other_answers = _measure(config, config.against)
         _show(console, other)
         results["against"] = other
-        results["paired_95"] = {}
-        for kind in TEST_ROTATIONS:
-            pair = (
-                video_confusions(answers.turned[kind], test),
-                video_confusions(other_answers.turned[kind], other_test),
-            )
-            low, high = paired_interval(*pair, accuracy, seed=config.seed, draws=config.draws)
-            results["paired_95"][kind] = {"difference": float(accuracy(pair[0].sum(0)) - accuracy(pair[1].sum(0)))}
-            results["paired_95"][kind] |= {"low": low, "high": high}
-            console.print(f"{kind}: video accuracy less that of the other model {100 * low:.1f} … {100 * high:.1f}")
+        results["paired_95"] = paired_figures((answers, test), (other_answers, other_test), config)
+        for kind, row in results["paired_95"].items():
+            low, high = 100 * row["low"], 100 * row["high"]
+            console.print(f"{kind}: video accuracy less that of the other model {low:.1f} … {high:.1f}")
     write_json(run.directory / "results.json", {**results, **provenance(run.overrides)})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import jax
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -65,12 +64,7 @@ def _models(config: Config) -> dict[str, Trainable]:
 
 def _clips(config: Config) -> Windows:
     sizes = {"frames": config.frames, "length": config.frames, "stride": config.frames, "tokens": config.tokens}
-    every = read_windows(config.clips, config.split, **sizes)
-    first = every.one_a_video()
-    chosen = first[np.unique(np.linspace(0, len(first) - 1, config.count).round().astype(int))]
-    names = [(every.name[i], every.identity[i]) for i in chosen]
-    arrays = (every.columns[chosen], every.present[chosen], every.label[chosen], np.arange(len(chosen)))
-    return Windows(*arrays, tuple(n for n, _ in names), tuple(i for _, i in names))
+    return read_windows(config.clips, config.split, **sizes).spread(config.count)
 
 
 def _measure(model: Trainable, windows: Windows, config: Config) -> dict[str, Any]:

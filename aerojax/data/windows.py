@@ -33,6 +33,13 @@ class Windows:
         """Index of the first window of every video."""
         return np.unique(self.video, return_index=True)[1]
 
+    def spread(self, count: int) -> Windows:
+        """The first windows of at most `count` videos, spread evenly over them, each a video of its own."""
+        first = self.one_a_video()
+        chosen = first[np.unique(np.linspace(0, len(first) - 1, count).round().astype(int))]
+        arrays = (self.columns[chosen], self.present[chosen], self.label[chosen], np.arange(len(chosen)))
+        return Windows(*arrays, tuple(self.name[i] for i in chosen), tuple(self.identity[i] for i in chosen))
+
 
 def window_starts(frames: int, length: int, stride: int, *, dilation: int = 1, cover: bool = True) -> list[int]:
     """First frames of the clips of a video.

@@ -14,7 +14,7 @@ from aerojax.classify.base import Classifier, with_card
 from aerojax.core.types import CLASSES
 from aerojax.data.windows import Windows
 from aerojax.evaluate.answers import prefix_log_probabilities, shuffled_orders, vote
-from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity
+from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity, paired_interval
 from aerojax.evaluate.calibration import calibration_error, fit_temperature, with_temperature
 from aerojax.evaluate.labels import label_figures, macro_f1
 from aerojax.evaluate.rotations import TEST_ROTATIONS, TestRotation, cached_rotations
@@ -149,3 +149,21 @@ def _prefix_accuracy(prefixes: np.ndarray, test: Windows) -> list[dict[str, int 
         for t in range(seen.shape[1])
         if seen[:, t].any()
     ]
+
+
+def paired_figures(
+    one: tuple[Answers, Windows], other: tuple[Answers, Windows], config: RotationTrials
+) -> dict[str, dict[str, float]]:
+    """By test rotation: how much better one classifier's voted videos are than another's, with a paired 95 % interval.
+
+    Args:
+        one, other: answers and the windows that they are of; both of the same videos.
+        config: seed and draws of the bootstrap.
+    """
+    rows = {}
+    for kind in TEST_ROTATIONS:
+        pair = tuple(video_confusions(answers.turned[kind], windows) for answers, windows in (one, other))
+        low, high = paired_interval(*pair, accuracy, seed=config.seed, draws=config.draws)
+        difference = float(accuracy(pair[0].sum(0)) - accuracy(pair[1].sum(0)))
+        rows[kind] = {"difference": difference, "low": low, "high": high}
+    return rows
