@@ -84,8 +84,8 @@ def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
         ),
     )
 
-    def update(updates: Any, state: Any, parameters: Any = None) -> tuple[Any, Any]:
+    def update(updates: Any, state: Any, params: Any = None) -> tuple[Any, Any]:
         with jax.numpy_dtype_promotion("standard"):  # optax raises decays to integer powers
-            return chain.update(updates, state, parameters)
+            return chain.update(updates, state, params)
 
     return optax.GradientTransformation(chain.init, update)
