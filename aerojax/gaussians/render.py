@@ -86,7 +86,7 @@ def render(
         known = jnp.all(jnp.isfinite(K)) & jnp.all(jnp.isfinite(world_from_cam))
         K, world_from_cam = (jnp.where(known, x, jnp.eye(len(x), dtype=x.dtype)) for x in (K, world_from_cam))
         opacity = jnp.where(known, opacity, 0)
-        colour = colour_in_direction(sh, normalise(mean - world_from_cam[:3, 3]))
+        colour = colour_in_direction(sh, normalise(mean - world_from_cam[None, :3, 3]))
         camera_from_world = invert_rigid(world_from_cam)
         images = draw(mean, quaternion, scale, opacity, colour, K, camera_from_world, background, shape=shape)
         return *images[:3], jnp.sum(~finite)
@@ -95,4 +95,10 @@ def render(
     arrays = (gaussians.mean, gaussians.quaternion, gaussians.scale, gaussians.opacity, gaussians.sh)
     dtype = gaussians.mean.dtype
     others = [jnp.asarray(x, dtype) for x in (camera.K, camera.world_from_cam, background)]
-    return Rendering(*jnp.vectorize(one, signature=signature)(*arrays, *others))
+    return Rendering(*jnp.vectorize(one, signature=signature)(*_equal_batch_ranks(*arrays, *others)))
+
+
+def _equal_batch_ranks(*arrays: Array) -> list[Array]:
+    """Arguments of `render` with as many batch axes each; new ones have size 1."""
+    ranks = [x.ndim - core for x, core in zip(arrays, (2, 2, 2, 1, 3, 2, 2, 1), strict=True)]
+    return [x.reshape((1,) * (max(ranks) - rank) + x.shape) for x, rank in zip(arrays, ranks, strict=True)]

@@ -139,7 +139,7 @@ def _rectangle(
 ) -> Int[Array, "gaussian 4"]:
     """Tiles that a splat may touch under the rules' extent."""
     a, b, c = covariance
-    tiles = jnp.array([-(-shape.width // TILE), -(-shape.height // TILE)], centre.dtype)
+    tiles = jnp.array([[-(-shape.width // TILE), -(-shape.height // TILE)]], centre.dtype)
     if RULES[shape.rules].opacity_aware:
         sigmas = jnp.sqrt(2 * jnp.log(jnp.maximum(opacity / ALPHA_MIN, 1.0)))
         radius = jnp.ceil(jnp.minimum(3.33, sigmas)[:, None] * jnp.sqrt(jnp.stack([a, c], axis=-1)))
@@ -157,7 +157,8 @@ def _rectangle(
 def _project(gaussians: tuple[Array, ...], K: Array, world: Array, keep: Array, shape: Shape) -> Splats:
     """The projection of the Gaussians in `keep`; the others become a harmless splat that nothing may see."""
     mean, quaternion, scale, opacity = gaussians
-    t = jnp.where(keep[:, None], mean @ world[:3, :3].T + world[:3, 3], jnp.array([0, 0, 1], mean.dtype))
+    ahead = jnp.array([[0, 0, 1]], mean.dtype)
+    t = jnp.where(keep[:, None], mean @ world[:3, :3].T + world[None, :3, 3], ahead)
     axes = world[:3, :3] @ (rotation_of(quaternion) * scale[:, None, :])
     across, down = _image_axes(t, axes, K, shape)
     a = jnp.sum(across * across, axis=-1) + DILATION
@@ -168,7 +169,7 @@ def _project(gaussians: tuple[Array, ...], K: Array, world: Array, keep: Array, 
     determinant = sharp + DILATION * (a + c) - DILATION**2
     if shape.antialias:
         opacity = opacity * jnp.sqrt(jnp.maximum(sharp / determinant, COMPENSATION_FLOOR))
-    centre = t[:, :2] / t[:, 2:] * jnp.stack([K[0, 0], K[1, 1]]) + K[:2, 2]
+    centre = t[:, :2] / t[:, 2:] * jnp.stack([K[0, 0], K[1, 1]])[None] + K[None, :2, 2]
     rectangle = _rectangle(*jax.lax.stop_gradient((centre, (a, b, c), opacity)), shape)
     conic = jnp.stack([c, -b, a], axis=-1) / determinant[:, None]
     return Splats(centre, conic, t[:, 2], opacity, rectangle)

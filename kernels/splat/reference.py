@@ -26,7 +26,8 @@ def blend(
     alpha_max, stop = RULES[rules].alpha_max, RULES[rules].stop(jnp.dtype(colour.dtype))
     order = jnp.argsort(splats.depth, stable=True)
     v, u = jnp.meshgrid(jnp.arange(height, dtype=colour.dtype), jnp.arange(width, dtype=colour.dtype), indexing="ij")
-    row, column = jnp.meshgrid(jnp.arange(height) // TILE, jnp.arange(width) // TILE, indexing="ij")
+    tiles = (jnp.arange(side, dtype=jnp.int32) // TILE for side in (height, width))
+    row, column = jnp.meshgrid(*tiles, indexing="ij")
 
     def step(state, gaussian):
         transmittance, image, depth, ended = state
@@ -42,14 +43,14 @@ def blend(
         left = transmittance * (1 - alpha)
         ended = ended | (seen & (left < stop))
         weight = jnp.where(ended, 0, alpha * transmittance)
-        image = image + weight[..., None] * rgb
+        image = image + weight[..., None] * rgb[None, None]
         return (jnp.where(ended, transmittance, left), image, depth + weight * splat.depth, ended), None
 
     zero = jnp.zeros((height, width), colour.dtype)
     start = (zero + 1, jnp.zeros((height, width, 3), colour.dtype), zero, jnp.zeros((height, width), bool))
     ordered = jax.tree.map(lambda x: x[order], (splats, colour))
     (transmittance, image, depth, _), _ = jax.lax.scan(step, start, ordered)
-    return image + transmittance[..., None] * background, depth, 1 - transmittance
+    return image + transmittance[..., None] * background[None, None], depth, 1 - transmittance
 
 
 def splat(

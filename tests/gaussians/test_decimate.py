@@ -88,5 +88,5 @@ def test_a_turned_world_gives_the_same_choice():
     for seed in range(3):
         turned = rotate(source, haar_rotation(key=jax.random.key(seed)))
         np.testing.assert_array_equal(chosen(turned, key), here)
-    stretched = Gaussians(source.mean * jnp.array([1.0, 1.0, 4.0]), *jax.tree.leaves(source)[1:])
+    stretched = Gaussians(source.mean * jnp.array([[1.0, 1.0, 4.0]]), *jax.tree.leaves(source)[1:])
     assert (np.asarray(chosen(stretched, key)) != here).any()  # a map that changes distances does change the choice

@@ -61,7 +61,7 @@ def test_projection_undoes_unprojection(x64, seed):
 
 def test_pixel_rays_pass_through_unprojected_points(x64):
     camera, pixels = a_camera(5), jnp.array([[10.0, 500.0], [800.0, 3.0]])
-    away = unproject_depth(pixels, jnp.array([7.0, 90.0]), camera) - camera.world_from_cam[:3, 3]
+    away = unproject_depth(pixels, jnp.array([7.0, 90.0]), camera) - camera.world_from_cam[None, :3, 3]
     away = away / jnp.linalg.norm(away, axis=-1, keepdims=True)
     np.testing.assert_allclose(pixel_rays(pixels, camera), away, atol=1e-12)
 
@@ -163,7 +163,8 @@ def test_axes_of_covariances_round_trip(x64):
 
 def test_triangulation_is_exact_and_moves_with_the_world(x64):
     target, origins = jnp.asarray([120.0, -40.0, 33.0]), jnp.asarray(80.0 * draw(5, 3))
-    directions = (target - origins) / jnp.linalg.norm(target - origins, axis=1, keepdims=True)
+    directions = target[None] - origins
+    directions = directions / jnp.linalg.norm(directions, axis=1, keepdims=True)
     np.testing.assert_allclose(intersect_rays(origins, directions), target, atol=1e-9)
     np.testing.assert_allclose(intersect_rays(origins, -directions), target, atol=1e-9)
     noisy = directions + 0.01 * draw(5, 3, seed=3)

@@ -77,7 +77,7 @@ def test_transform_composes_and_inverts(x64):
     gaussians = make_gaussians(1, coefficients=16)
     a = jnp.eye(4).at[:3, :3].set(rotations(1)[0]).at[:3, 3].set(jnp.array([1.0, -2.0, 0.5]))
     there = transform(gaussians, a, scale=3.0)
-    np.testing.assert_allclose(there.mean, 3 * gaussians.mean @ a[:3, :3].T + a[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(there.mean, 3 * gaussians.mean @ a[:3, :3].T + a[None, :3, 3], atol=1e-12)
     back = transform(transform(gaussians, a), jnp.linalg.inv(a))
     for name in ("mean", "scale", "opacity", "sh"):
         np.testing.assert_allclose(getattr(back, name), getattr(gaussians, name), atol=1e-12)

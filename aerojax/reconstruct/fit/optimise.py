@@ -229,7 +229,8 @@ def _run_steps(
         key, done = x
         weight = config.alpha_weight * config.alpha_decay ** (done / config.steps)
         loss, gradient = jax.value_and_grad(_loss)(state.parameters, views, foreground, weight, key, config)
-        update: tuple[Any, Any] = optimiser.update(gradient, state.moments, state.parameters)
+        with jax.numpy_dtype_promotion("standard"):  # optax raises decays to integer powers
+            update: tuple[Any, Any] = optimiser.update(gradient, state.moments, state.parameters)
         change, moments = update
         # Centres move in units of the object's radius.
         change = {name: x * limits.radius if name == "mean" else x for name, x in change.items()}

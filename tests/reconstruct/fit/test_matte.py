@@ -10,7 +10,7 @@ from aerojax.reconstruct.fit.matte import matte_from_coverage, matte_from_mask
 
 def test_matte_from_coverage_undoes_the_blend_of_light():
     """A black object that covers half a white pixel: light 0.5 is shown as sRGB 0.7354, so a = 0.2646."""
-    shown = jnp.array([0.0, 0.7354, 1.0])[None, :, None] * jnp.ones(3)
+    shown = jnp.array([0.0, 0.7354, 1.0])[None, :, None] * jnp.ones((1, 1, 3))
     coverage = jnp.array([[1.0, 0.5, 0.0]])
     matte = matte_from_coverage(shown, coverage, jnp.ones_like(shown))
     # The prior of weight 0.01 pulls towards the coverage: (3·0.2646 + 0.01·0.5)/3.01.

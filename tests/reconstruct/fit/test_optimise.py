@@ -33,10 +33,10 @@ def circle_of_views(image_of, count=5, size=32):
 
 def disc(camera):
     """A grey ball of 0.4 m before black: 9.7 pixels in every view, nearly a disc."""
-    x = jnp.arange(camera.width) + 0.5 - camera.width / 2
+    x = jnp.arange(camera.width, dtype=jnp.float32) + 0.5 - camera.width / 2
     mask = (jnp.hypot(x[:, None], x[None, :]) < 9.7).astype(jnp.float32)
     mask = jnp.broadcast_to(mask, (len(camera.K), *mask.shape))
-    return 0.6 * mask[..., None] * jnp.ones(3), mask
+    return 0.6 * mask[..., None] * jnp.ones((1, 1, 1, 3)), mask
 
 
 def test_the_alpha_regulariser_takes_away_what_no_view_needs():
