@@ -10,6 +10,8 @@ import numpy as np
 
 from aerojax.geometry.rotations import canonical_sign, normalise, quaternion_from_rotation, quaternion_multiply
 
+BATCH = 4
+
 
 def random_clip(seed, time=4, tokens=48, dtype=np.float32, anisotropy=1.0):
     """Metric Gaussians of an elongated, asymmetric cloud about a point near the origin."""
@@ -49,10 +51,14 @@ def other_representative(columns, quaternion, permutation):
 
 
 def logits_of(model, clips, mask):
-    """Logits of a batch of clips under one mask, compiled once a shape."""
-    return _logits(model, clips, jnp.broadcast_to(mask, clips.shape[:3]))
+    """Logits of any number of clips under one mask: one program for a model and a size of clips."""
+    parts = []
+    for start in range(0, len(clips), BATCH):
+        index = np.minimum(np.arange(start, start + BATCH), len(clips) - 1)
+        parts.append(_logits(model, clips[index], jnp.broadcast_to(mask, clips.shape[1:3])))
+    return jnp.concatenate(parts)[: len(clips)]
 
 
 @jax.jit
 def _logits(model, clips, mask):
-    return jax.lax.map(lambda clip: model(*clip), (clips, mask), batch_size=16)
+    return jax.vmap(lambda clip: model(clip, mask))(clips)
