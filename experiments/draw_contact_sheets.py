@@ -5,39 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
-import numpy as np
-from jaxtyping import UInt8
 from rich.console import Console
 
 from aerojax.core.errors import UserError
-from aerojax.simulate.assets.catalogue import Identity, build_identity, identities
-from aerojax.simulate.render.asset_image import AssetRenderer, srgb_bytes
-from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from aerojax.simulate.assets.catalogue import identities
+from aerojax.simulate.render.contact_sheet import SheetConfig, arrange_cells, sheet_cell, write_jpeg
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
-from kernels.rays.raytrace import Lighting
-
-CAPTION = 18
-"""Rows below each identity for its name."""
-
-
-@dataclass(frozen=True)
-class SheetConfig:
-    """How a sheet looks.
-
-    views: azimuth and elevation of the camera (degrees) and the share of the animation, one for each picture.
-    columns: identities side by side. width, height: pixels of one picture. samples: rays along each side of a pixel.
-    backdrop: linear grey. largest_bytes: of a sheet's file; its JPEG quality is lowered until it fits.
-    """
-
-    views: tuple[tuple[float, float, float], ...]
-    columns: int
-    width: int
-    height: int
-    samples: int
-    backdrop: float
-    largest_bytes: int
 
 
 @dataclass(frozen=True)
@@ -52,49 +26,6 @@ class Config:
     sheet: SheetConfig
 
 
-def cell(identity: Identity, assets: Path, sheet: SheetConfig) -> UInt8[np.ndarray, "row column 3"]:
-    """An identity's pictures side by side above its caption, sRGB."""
-    mesh = load_animated_mesh(build_identity(identity, assets))
-    renderer, pictures = AssetRenderer(mesh), []
-    for azimuth, elevation, share in sheet.views:
-        size = {"width": sheet.width, "height": sheet.height, "samples": sheet.samples}
-        seconds = share * mesh.cycle_seconds
-        picture = renderer.image(seconds, azimuth, elevation, lighting=Lighting(sun=0.6, sky=0.5), **size)
-        pictures.append(srgb_bytes(picture.over(sheet.backdrop)))
-    drawn = np.concatenate(pictures, axis=1)
-    caption = np.full((CAPTION, drawn.shape[1], 3), 255, np.uint8)
-    text = f"{identity.name.removeprefix(identity.label + '_')} - {identity.split}"
-    scale = min(0.4, 0.4 * drawn.shape[1] / (8.0 * len(text)))
-    cv2.putText(caption, text, (3, 13), cv2.FONT_HERSHEY_SIMPLEX, scale, (20, 20, 20), 1, cv2.LINE_AA)
-    return np.pad(np.concatenate([drawn, caption]), ((0, 4), (0, 4), (0, 0)), constant_values=255)
-
-
-def arranged(cells: list[UInt8[np.ndarray, "row column 3"]], columns: int) -> UInt8[np.ndarray, "row column 3"]:
-    """Cells of one size in rows of `columns`, the last row filled with white."""
-    blank = np.full_like(cells[0], 255)
-    cells = cells + [blank] * (-len(cells) % columns)
-    rows = [np.concatenate(cells[i : i + columns], axis=1) for i in range(0, len(cells), columns)]
-    return np.concatenate(rows)
-
-
-def write_jpeg(path: Path, image: UInt8[np.ndarray, "row column 3"], largest_bytes: int) -> int:
-    """Write the best JPEG that is not larger; its size in bytes.
-
-    Raises:
-        UserError: if even quality 30 is larger.
-    """
-    for quality in range(92, 29, -4):
-        data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-        if len(data) <= largest_bytes:
-            path.write_bytes(data)
-            return len(data)
-    raise UserError(
-        "out-of-range",
-        f"{path} takes more than sheet.largest_bytes={largest_bytes}",
-        "make sheet.width and height smaller",
-    )
-
-
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Write `<label>.jpg` for every class."""
@@ -106,13 +37,13 @@ def main(config: Config, run: Run) -> None:
         for label in config.labels:
             cells = []
             for identity in (i for i in everyone if i.label == label):
-                cells.append(cell(identity, config.assets, config.sheet))
+                cells.append(sheet_cell(identity, config.assets, config.sheet))
                 bar.advance(task)
             if not cells:
                 raise UserError(
                     "invalid", f"labels: no identity of class {label!r}", "choose of bird, drone, airplane, helicopter"
                 )
-            image = arranged(cells, config.sheet.columns)
+            image = arrange_cells(cells, config.sheet.columns)
             size = write_jpeg(folder / f"{label}.jpg", image, config.sheet.largest_bytes)
             Console().print(f"{folder / label}.jpg: {len(cells)} identities, {size // 1000} kB", soft_wrap=True)
 

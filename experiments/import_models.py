@@ -12,9 +12,9 @@ from rich.table import Table
 from aerojax.core.files import write_json
 from aerojax.simulate.assets.catalogue import build_identity
 from aerojax.simulate.assets.importers.identities import imported_identities
+from aerojax.simulate.render.contact_sheet import SheetConfig, arrange_cells, sheet_cell, write_jpeg
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from experiments._launch.command import Run, experiment
-from experiments.draw_contact_sheets import SheetConfig, arranged, cell, write_jpeg
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ def main(config: Config, run: Run) -> None:
         found[identity.name] = {"size_m": size, "faces": len(mesh.faces), "cycle_seconds": mesh.cycle_seconds}
         words = (", ".join(f"{v:.3f}" for v in size), str(len(mesh.faces)), f"{mesh.cycle_seconds:.3f}")
         table.add_row(identity.name, identity.label, identity.split, *words)
-        cells.append(cell(identity, config.assets, config.sheet))
+        cells.append(sheet_cell(identity, config.assets, config.sheet))
     if cells:
-        write_jpeg(folder / "models.jpg", arranged(cells, config.sheet.columns), config.sheet.largest_bytes)
+        write_jpeg(folder / "models.jpg", arrange_cells(cells, config.sheet.columns), config.sheet.largest_bytes)
     write_json(run.directory / "metrics.json", found)
     Console().print(table)
     Console().print(

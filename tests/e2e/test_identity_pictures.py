@@ -9,8 +9,8 @@ import pytest
 from support.command_line import run_command
 
 from aerojax.simulate.assets.catalogue import identities
+from aerojax.simulate.render.contact_sheet import CAPTION
 from experiments import draw_contact_sheets, measure_colour_leak
-from experiments.draw_contact_sheets import CAPTION
 
 
 def test_a_sheet_shows_every_identity(tmp_path, monkeypatch):
