@@ -107,9 +107,9 @@ def read_state_dict(path: Path) -> dict[str, np.ndarray]:
         raise UserError(
             "unreadable", f"{path} holds a {type(content).__name__}, not a state dict", "save model.state_dict() alone"
         )
-    strangers = [str(k) for k, v in content.items() if not (isinstance(k, str) and isinstance(v, np.ndarray))]
-    if strangers or not content:
-        names = ", ".join(sorted(strangers)[:10]) or "nothing"
+    other_entries = [str(k) for k, v in content.items() if not (isinstance(k, str) and isinstance(v, np.ndarray))]
+    if other_entries or not content:
+        names = ", ".join(sorted(other_entries)[:10]) or "nothing"
         raise UserError(
             "unreadable", f"{path} is not a plain state dict, it holds {names}", "save model.state_dict() alone"
         )

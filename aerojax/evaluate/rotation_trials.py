@@ -160,10 +160,10 @@ def paired_figures(
         one, other: answers and the windows that they are of; both of the same videos.
         config: seed and draws of the bootstrap.
     """
-    rows = {}
+    rows: dict[str, dict[str, float]] = {}
     for kind in TEST_ROTATIONS:
-        pair = tuple(video_confusions(answers.turned[kind], windows) for answers, windows in (one, other))
-        low, high = paired_interval(*pair, accuracy, seed=config.seed, draws=config.draws)
-        difference = float(accuracy(pair[0].sum(0)) - accuracy(pair[1].sum(0)))
+        first, second = (video_confusions(answers.turned[kind], windows) for answers, windows in (one, other))
+        low, high = paired_interval(first, second, accuracy, seed=config.seed, draws=config.draws)
+        difference = float(accuracy(first.sum(0)) - accuracy(second.sum(0)))
         rows[kind] = {"difference": difference, "low": low, "high": high}
     return rows

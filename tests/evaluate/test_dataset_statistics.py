@@ -185,13 +185,13 @@ def test_copies_are_found_by_bytes_and_by_shape(tmp_path):
     assert passed["names are disjoint"]
 
 
-def test_near_shapes_and_strangers(tmp_path):
+def test_near_shapes_and_out_of_split(tmp_path):
     entries = crossing(tmp_path, 0.4, b"3")
     stranger = sequence("c", "bird", "test", 5, "bird_a")
     entries = DatasetEntries(entries.folders, (stranger,), entries.identities)
     found = leakage(entries, embedded(entries, 0.0, 1.0, 0.4))
     assert [n.identity for n in found.near] == ["bird_c"] and found.copies == ()
-    assert found.strangers == ("c",) and not verdict(found)["sequences keep to their split"]
+    assert found.out_of_split == ("c",) and not verdict(found)["sequences keep to their split"]
 
 
 def test_a_missing_asset_is_named(tmp_path):

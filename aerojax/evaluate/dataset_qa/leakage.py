@@ -54,7 +54,7 @@ class Leakage:
     """What crosses the border between splits.
 
     shared_names, shared_families: found in more than one split. shared_files: groups of assets with equal bytes.
-    strangers: sequences that show an object of another split.
+    out_of_split: sequences that show an object of another split.
     copies: held-out shapes that are, within sampling, those of a training identity.
     near: held-out shapes closer to training than any two families of training are to each other.
     """
@@ -63,7 +63,7 @@ class Leakage:
     shared_names: tuple[str, ...]
     shared_families: tuple[str, ...]
     shared_files: tuple[tuple[str, ...], ...]
-    strangers: tuple[str, ...]
+    out_of_split: tuple[str, ...]
     copies: tuple[Neighbour, ...]
     near: tuple[Neighbour, ...]
     by_class: tuple[ClassDistances, ...]
@@ -99,7 +99,7 @@ def leakage(entries: DatasetEntries, shapes: Sequence[Embedded]) -> Leakage:
         shared_names=_in_several_splits([(i.name, i.split) for i in everyone]),
         shared_families=_in_several_splits([(f"{i.label} {i.family}", i.split) for i in everyone]),
         shared_files=_shared_files(everyone),
-        strangers=tuple(
+        out_of_split=tuple(
             s.name for s in entries.sequences if any(split_of.get(name, s.split) != s.split for name in s.objects)
         ),
         copies=tuple(n for n in neighbours if n.distance < COPY * max(noise[n.identity], noise[n.nearest])),
@@ -162,6 +162,6 @@ def verdict(found: Leakage) -> Mapping[str, bool]:
         "names are disjoint": not found.shared_names,
         "families are disjoint": not found.shared_families,
         "files are disjoint": not found.shared_files,
-        "sequences keep to their split": not found.strangers,
+        "sequences keep to their split": not found.out_of_split,
         "no held-out shape is a copy": not found.copies,
     }

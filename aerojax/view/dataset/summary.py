@@ -157,7 +157,7 @@ def _leakage(found: Leakage) -> tuple[Table, ...]:
         "names are disjoint": found.shared_names,
         "families are disjoint": found.shared_families,
         "files are disjoint": tuple(" = ".join(names) for names in found.shared_files),
-        "sequences keep to their split": found.strangers,
+        "sequences keep to their split": found.out_of_split,
         "no held-out shape is a copy": tuple(f"{n.identity} ~ {n.nearest}" for n in found.copies),
     }
     checks = tuple((name, "yes" if ok else "NO", ", ".join(crossing[name])) for name, ok in verdict(found).items())
