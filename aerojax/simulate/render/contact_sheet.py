@@ -57,7 +57,7 @@ def sheet_cell(identity: Identity, assets: Path, sheet: SheetConfig) -> UInt8[np
     return np.pad(np.concatenate([drawn, caption]), ((0, 4), (0, 4), (0, 0)), constant_values=255)
 
 
-def arrange_cells(cells: list[UInt8[np.ndarray, "row column 3"]], columns: int) -> UInt8[np.ndarray, "row column 3"]:
+def arrange_cells(cells: list[UInt8[np.ndarray, "row column 3"]], columns: int) -> UInt8[np.ndarray, "_ _ 3"]:
     """Cells of one size in rows of `columns`, the last row filled with white."""
     blank = np.full_like(cells[0], 255)
     cells = cells + [blank] * (-len(cells) % columns)
