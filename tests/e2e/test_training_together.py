@@ -20,7 +20,7 @@ def begin(folder: Path, process: int = 0, count: int = 1, *, port: int = 0, die:
     flags = f"--xla_force_host_platform_device_count={devices}"
     environment = {**os.environ, "JAX_PLATFORMS": "cpu", "XLA_FLAGS": flags, "PYTHONPATH": str(TESTS.parent)}
     arguments = [str(folder), str(die), f"127.0.0.1:{port}", str(process), str(count)]
-    command = [sys.executable, str(TESTS / "training_process.py"), *arguments]
+    command = [sys.executable, str(TESTS / "support" / "training_process.py"), *arguments]
     return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 

@@ -79,7 +79,7 @@ def test_half_precision_and_strides_load_too(state_dict, tmp_path):
 
 
 def test_everything_that_does_not_fit_is_named_at_once(state_dict, tmp_path):
-    tensors = state_dict() | {"stranger": np.zeros(3, np.float32)}
+    tensors = state_dict() | {"surplus": np.zeros(3, np.float32)}
     tensors["classifier.classifier.0.bias"] = np.zeros(5, np.float32)
     tensors["spatial_encoder.encoder.norm.ln.beta"] = np.ones(14, np.float32)
     tensors[POSITIONS] = tensors[POSITIONS][:, ::-1]
@@ -88,7 +88,7 @@ def test_everything_that_does_not_fit_is_named_at_once(state_dict, tmp_path):
     with pytest.raises(UserError) as error:
         import_checkpoint(tmp_path / "a.pt")
     for part in (
-        *("a.pt: ", "unknown tensor stranger", "0.bias has shape (5,), expected (128,)"),
+        *("a.pt: ", "unknown tensor surplus", "0.bias has shape (5,), expected (128,)"),
         *("missing tensor temporal_encoder.mamba.layers.2.mixer.D", f"tensor {POSITIONS} is not the usual table"),
         "norm.ln.beta is not zero",
     ):

@@ -154,19 +154,19 @@ def test_gradient_of_every_tensor_matches(shared, x64, monkeypatch, case):
     np.testing.assert_allclose(np.linalg.norm(norms), golden["grad/total_l2"], rtol=relative)
 
 
-def test_released_names_survive_a_round_trip_and_refuse_strangers(shared):
+def test_released_names_survive_a_round_trip_and_refuse_unknown_tensors(shared):
     tensors = recipe_tensors(shared, "X", np.float32)
     model = model_from_published({"_orig_mod." + name: value for name, value in tensors.items()}, published_config())
     again = published_tensors(model)
     used = {n for n in tensors if not n.startswith("bridge.") and not n.endswith("ln.beta")}
     assert set(again) == used
     assert all(np.array_equal(again[name], tensors[name]) for name in used)
-    broken = dict(tensors, stranger=np.zeros(3)) | {"classifier.classifier.0.bias": np.zeros(5)}
+    broken = dict(tensors, surplus=np.zeros(3)) | {"classifier.classifier.0.bias": np.zeros(5)}
     del broken["temporal_encoder.mamba.layers.2.mixer.D"]
     with pytest.raises(UserError) as error:
         model_from_published(broken, published_config())
     for part in (
-        "unknown tensor stranger",
+        "unknown tensor surplus",
         "0.bias has shape (5,), expected (128,)",
         "missing tensor",
         "layers.2.mixer.D",

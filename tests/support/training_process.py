@@ -1,6 +1,6 @@
 """One of several processes that train a small model together.
 
-python tests/training_process.py FOLDER DIE COORDINATOR PROCESS COUNT
+python tests/support/training_process.py FOLDER DIE COORDINATOR PROCESS COUNT
 
 The process kills itself before step DIE, unless that is 0. It prints the figures of every step that it is told of.
 """

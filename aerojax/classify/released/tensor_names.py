@@ -143,7 +143,7 @@ def model_from_published(tensors: Mapping[str, np.ndarray], config: MambaSplatCo
         wanted |= set(names)
         found = [_take(given, name, shape, problems) for name in names]
         leaves.append(np.stack(found) if stacked else found[0])
-    problems += [_stranger(name) for name in sorted(set(given) - wanted) if not is_unused(name, given[name])]
+    problems += [_why_unknown(name) for name in sorted(set(given) - wanted) if not is_unused(name, given[name])]
     if problems:
         raise UserError("invalid", "tensors do not fit MambaSplatConfig:\n  " + "\n  ".join(problems))
     return jax.tree.unflatten(jax.tree.structure(shapes), [jnp.asarray(leaf) for leaf in leaves])
@@ -168,7 +168,7 @@ def is_unused(name: str, value: np.ndarray) -> bool:
     return name.startswith(UNUSED_BRIDGE) or (name.endswith("ln.beta") and not value.any())
 
 
-def _stranger(name: str) -> str:
+def _why_unknown(name: str) -> str:
     if name == POSITIONS:
         return f"tensor {name} is not the usual table of sinusoids"
     return f"tensor {name} is not zero" if name.endswith("ln.beta") else f"unknown tensor {name}"
