@@ -29,8 +29,8 @@ SIZES = (
     "variation.tokens=16",
     f"training.epochs={EPOCHS}",
     "training.checkpoint_steps=3",
-    "+training.average=0.5",
-    *(f"+model.{name}" for name in ("token_features=8", "token_invariants=8", "channels=4", "heads=2", "head_dim=2")),
+    "training.average=0.5",
+    *(f"model.{name}" for name in ("token_features=8", "token_invariants=8", "channels=4", "heads=2", "head_dim=2")),
 )
 
 
