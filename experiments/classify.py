@@ -24,7 +24,7 @@ from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """What to classify and with what.
 
@@ -34,7 +34,7 @@ class Config:
     assets: where the simulated identity's stage lies.
     """
 
-    preset: str = "small"
+    preset: str
     seed: int = 0
     capture: Path | None = None
     object: int | None = None

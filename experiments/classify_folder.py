@@ -31,7 +31,7 @@ class Config:
     weights: of a trained classifier; the shipped ones if None.
     """
 
-    preset: str = "small"
+    preset: str
     seed: int = 0
     captures: Path
     weights: Path | None = None

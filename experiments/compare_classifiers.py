@@ -7,7 +7,7 @@ names and leaves table.md and table.json in the sweep's directory; started again
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,8 +35,10 @@ class WindowTrials(RotationTrials):
     stride: frames between the starts of two windows of a clip.
     """
 
-    window: int
-    stride: int
+    trials: int = 1
+    draws: int = 500
+    window: int = 8
+    stride: int = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +50,7 @@ class Config(ClassifierTraining):
     """
 
     classifier: str
-    test: WindowTrials
+    test: WindowTrials = field(default_factory=WindowTrials)
 
 
 def last_frames(windows: Windows) -> Windows:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -26,11 +25,11 @@ from experiments._launch.progress import progress_bar
 TITLE = "Data set"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """What to describe.
 
-    dataset: folder of a generated data set, or a list of them.
+    dataset: folders of generated data sets.
     every: read only every so many-th sequence's images, over the whole list; the composition is of all.
     depth: read depth images too, which separates perspective from other residuals.
     motion_frames, motion_fps, motion_points: how the identities' animations are sampled.
@@ -38,13 +37,13 @@ class Config:
     """
 
     preset: str
-    dataset: Any
-    every: int
-    depth: bool
-    motion_frames: int
-    motion_fps: float
-    motion_points: int
-    workers: int
+    dataset: tuple[Path, ...]
+    every: int = 1
+    depth: bool = True
+    motion_frames: int = 30
+    motion_fps: float = 30.0
+    motion_points: int = 512
+    workers: int = 2
 
 
 @dataclass(frozen=True)
@@ -59,21 +58,13 @@ def main(config: Config, run: Run) -> None:
     """Read the data sets and write description.json, description.md, description.html and figures/."""
     if config.every < 1:
         raise UserError("out-of-range", f"every is {config.every}", "use 1 to read all sequences")
-    entries = read_datasets(folders_of(config.dataset))
+    entries = read_datasets(config.dataset)
     shapes = _shapes(entries, config)
     observations = _observations(entries, config)
     found = describe(entries, observations, [s.embedded for s in shapes], [s.motion for s in shapes])
     write_description(found, run.directory)
     Console().print(summary(found), highlight=False, soft_wrap=True)
     Console().print(str(run.directory / "description.html"), soft_wrap=True)
-
-
-def folders_of(dataset: Any) -> tuple[Path, ...]:
-    """One folder or a list of them, as the command line gives them."""
-    names = [dataset] if isinstance(dataset, str) else dataset
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise UserError("out-of-range", f"dataset is {dataset!r}", "use dataset=DIR or dataset=[DIR,DIR]")
-    return tuple(Path(name) for name in names)
 
 
 def _shapes(entries: DatasetEntries, config: Config) -> list[ShapeResult]:

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
 
 from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
+from aerojax.data.splits import SPLITS, Split
 from aerojax.simulate.assets.catalogue import identities
 from aerojax.simulate.render.contact_sheet import SheetConfig, arrange_cells, sheet_cell, write_jpeg
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """Whose sheets are drawn, and where they go."""
 
     preset: str
-    out: Path | None
-    assets: Path
-    splits: tuple[str, ...]
-    labels: tuple[str, ...]
-    sheet: SheetConfig
+    out: Path | None = None
+    assets: Path = Path("data/assets")
+    splits: tuple[Split, ...] = SPLITS
+    labels: tuple[str, ...] = CLASSES
+    sheet: SheetConfig = field(default_factory=SheetConfig)
 
 
 @experiment(Config)

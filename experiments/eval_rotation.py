@@ -15,6 +15,7 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
+from aerojax.data.splits import Split
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answers, figures_of, paired_figures
 from aerojax.evaluate.rotations import protocols_of
@@ -33,14 +34,14 @@ class Config(RotationTrials):
     """
 
     preset: str
-    model: Path | None
-    against: Path | None
-    trained: TrainRotation | None
+    model: Path | None = None
+    against: Path | None = None
+    trained: TrainRotation | None = None
     clips: tuple[Path, ...]
-    split: str
-    frames: int
-    window: int | None
-    stride: int
+    split: Split = "test"
+    frames: int = 32
+    window: int | None = None
+    stride: int = 2
 
 
 def _windows(config: Config, classifier: Classifier, split: str) -> Windows:

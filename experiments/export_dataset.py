@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -15,19 +14,19 @@ from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
-    """What to export, to which formats (one name or a list) and where."""
+    """What to export, to which formats and where."""
 
     preset: str
     dataset: Path
-    format: Any
+    format: tuple[str, ...]
     out: Path
-    images: Placement
-    depth: bool
-    replicator_layout: ReplicatorLayout
-    workers: int
-    overwrite: bool
+    images: Placement = "copy"
+    depth: bool = True
+    replicator_layout: ReplicatorLayout = "nested"
+    workers: int = 2
+    overwrite: bool = False
 
 
 @experiment(Config)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """One fit.
 
@@ -43,16 +43,16 @@ class Config:
     """
 
     preset: str
-    capture: Path | None
-    captures: tuple[Path, ...]
-    frame: int
-    object: int | None
-    held_out: int
-    assets: Path
-    sample: SampleConfig
-    seed: int
-    pipeline: PipelineConfig
-    fit: GaussianFitConfig
+    capture: Path | None = None
+    captures: tuple[Path, ...] = ()
+    frame: int = 0
+    object: int | None = None
+    held_out: int = -1
+    assets: Path = Path("data/assets")
+    sample: SampleConfig = field(default_factory=SampleConfig)
+    seed: int = 0
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    fit: GaussianFitConfig = field(default_factory=GaussianFitConfig)
 
 
 def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]:

@@ -30,11 +30,11 @@ class Config(DatasetConfig):
 
     preset: str
     folder: Path
-    workers: int
-    shard: int
-    shards: int
-    dry_run: bool
-    overwrite: bool
+    workers: int = 2
+    shard: int = 0
+    shards: int = 1
+    dry_run: bool = False
+    overwrite: bool = False
 
 
 @experiment(Config)

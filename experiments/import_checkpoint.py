@@ -18,7 +18,7 @@ from aerojax.core.provenance import commit
 from experiments._launch.command import Run, experiment
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """The checkpoint, what it does not say, and where the weights go.
 
@@ -29,9 +29,9 @@ class Config:
     preset: str
     checkpoint: Path
     out: Path
-    heads: int
-    tokens: int
-    frames: int
+    heads: int = 4
+    tokens: int = 512
+    frames: int = 16
 
 
 @experiment(Config)

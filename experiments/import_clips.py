@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
@@ -18,7 +18,7 @@ from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """Where the frames are, what their paths do not say, and where the clips go.
 
@@ -28,14 +28,14 @@ class Config:
     """
 
     preset: str
-    seed: int
+    seed: int = 0
     source: Path
     out: Path
-    label: str | None
-    split: Split | None
-    version: int
-    tokens: int
-    decimation: DecimationConfig
+    label: str | None = None
+    split: Split | None = None
+    version: int = 0
+    tokens: int = 512
+    decimation: DecimationConfig = field(default_factory=DecimationConfig)
 
 
 @experiment(Config)

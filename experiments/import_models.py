@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,15 +17,15 @@ from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from experiments._launch.command import Run, experiment
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """Which models, where their stages go, and how they are drawn."""
 
     preset: str
     models: Path
-    assets: Path
-    out: Path | None
-    sheet: SheetConfig
+    assets: Path = Path("data/assets")
+    out: Path | None = None
+    sheet: SheetConfig = field(default_factory=lambda: SheetConfig(largest_bytes=2_000_000))
 
 
 @experiment(Config)

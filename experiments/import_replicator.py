@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
@@ -14,7 +14,7 @@ from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """The recording, what it does not say, and where the capture goes."""
 
@@ -22,8 +22,8 @@ class Config:
     recording: Path
     out: Path
     fps: float
-    classes: dict[str, str | None]
-    up: UpAxis
+    classes: dict[str, str | None] = field(default_factory=dict)
+    up: UpAxis = "z"
 
 
 @experiment(Config)

@@ -26,19 +26,19 @@ LIGHTS = ("albedo", "lit")
 """Even light from everywhere, so that pixels show the paint alone; and sun, sky and ground."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """One measurement: individuals a family (or a class, if not null), views of each, their size, draws of chance."""
 
     preset: str
-    seed: int
-    assets: Path
-    width: int
-    height: int
-    per_family: int
-    per_class: int | None
-    views: int
-    permutations: int
+    seed: int = 0
+    assets: Path = Path("data/assets")
+    width: int = 120
+    height: int = 90
+    per_family: int = 1
+    per_class: int | None = None
+    views: int = 6
+    permutations: int = 500
 
 
 def light_of(kind: str, rng: np.random.Generator) -> Lighting:

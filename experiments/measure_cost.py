@@ -30,16 +30,16 @@ class Size:
     tokens: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """What is measured: every mode of every variant at every size; the median of `repeats` calls after one."""
 
     preset: str
-    seed: int
-    variant: tuple[Literal["exact", "published"], ...]
-    mode: tuple[Mode, ...]
-    sizes: tuple[Size, ...]
-    repeats: int
+    seed: int = 0
+    variant: tuple[Literal["exact", "published"], ...] = ("exact", "published")
+    mode: tuple[Mode, ...] = ("C", "X")
+    sizes: tuple[Size, ...] = (Size(8, 96), Size(16, 128))
+    repeats: int = 30
 
 
 @jax.jit

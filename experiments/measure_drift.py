@@ -15,13 +15,14 @@ from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
+from aerojax.data.splits import Split
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.drift_passes import relabelling_drift, rotation_drift
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """Which models, which clips, how many rotations.
 
@@ -33,19 +34,19 @@ class Config:
     """
 
     preset: str
-    seed: int
-    model: tuple[Path, ...]
-    mode: tuple[Mode, ...]
-    variant: Literal["exact", "published"]
-    lifting: Literal["covariance", "columns"]
-    seeds: tuple[int, ...]
+    seed: int = 0
+    model: tuple[Path, ...] = ()
+    mode: tuple[Mode, ...] = ()
+    variant: Literal["exact", "published"] = "exact"
+    lifting: Literal["covariance", "columns"] = "covariance"
+    seeds: tuple[int, ...] = (0, 1, 2)
     clips: tuple[Path, ...]
-    split: str
-    count: int
-    frames: int
-    tokens: int
-    rotations: int
-    double: int
+    split: Split = "test"
+    count: int = 32
+    frames: int = 8
+    tokens: int = 96
+    rotations: int = 100
+    double: int = 4
 
 
 def _models(config: Config) -> dict[str, Trainable]:

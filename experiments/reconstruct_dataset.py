@@ -21,7 +21,7 @@ class Config(ClipsConfig):
     only: patterns of sequence names: `only=[sim1_*_r016_*,sim2_*]`.
     """
 
-    preset: str = "small"
+    preset: str
     seed: int = 0
     tokens: int = 512
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)

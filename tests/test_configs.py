@@ -1,20 +1,25 @@
-"""Every experiment's configuration composes and fits its dataclass, in every preset; mistakes are named."""
+"""Every act's configuration composes and fits its dataclass in every preset, repeats no default, names mistakes."""
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
+import typing
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
-from omegaconf import OmegaConf
+import yaml
+from hydra.errors import HydraException
+from support.toy_door import BallConfig, ShapeConfig
 
-from aerojax.core.config import to_dataclass
+from aerojax.core.config import default_of, door_of, members_of, to_dataclass
 from aerojax.core.errors import UserError
+from experiments._launch.composition import CONF_DIR, composed, defaults_of, doors_of
 
 ROOT = Path(__file__).resolve().parents[1]
-NAMES = sorted(p.stem for p in (ROOT / "conf").glob("*.yaml") if p.stem != "base")
+NAMES = sorted(p.stem for p in CONF_DIR.glob("*.yaml") if p.stem != "base")
 REQUIRED = {
     "classify_folder": ("captures=captures",),
     "fit_gaussians": ("capture=capture",),
@@ -26,23 +31,25 @@ REQUIRED = {
 }
 
 
-def composed(name: str, *overrides: str) -> dict:
-    GlobalHydra.instance().clear()
-    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
-        return OmegaConf.to_container(compose(name, list(overrides)), resolve=True, throw_on_missing=True)  # type: ignore[return-value]
+def config_of(name: str) -> type:
+    """What an act's `main` takes."""
+    main = importlib.import_module(f"experiments.{name}").main
+    return typing.get_type_hints(main.__wrapped__)["config"]
+
+
+def values_of(name: str, *overrides: str) -> dict[str, Any]:
+    return composed(name, config_of(name), *REQUIRED.get(name, ()), *overrides)
 
 
 @pytest.mark.parametrize("preset", ["smoke", "small", "full"])
 @pytest.mark.parametrize("name", NAMES)
 def test_config_fits(name, preset):
-    config_type = importlib.import_module(f"experiments.{name}").Config
-    config = to_dataclass(composed(name, f"preset={preset}", *REQUIRED.get(name, ())), config_type)
+    config = to_dataclass(values_of(name, f"preset={preset}"), config_of(name))
     assert config.preset == preset
 
 
 def test_every_experiment_has_a_config():
-    sources = [p for p in (ROOT / "experiments").glob("*.py") if p.stem != "launch"]
-    acts = {p.stem for p in sources if "\n@experiment(Config" in p.read_text()}
+    acts = {p.stem for p in (ROOT / "experiments").glob("*.py") if "\n@experiment(" in p.read_text()}
     assert acts == set(NAMES)
 
 
@@ -53,38 +60,172 @@ def test_every_experiment_has_a_config():
         ({"seed": "one"}, "seed"),
         ({"seed": 1.5}, "seed"),
         ({"seed": True}, "seed"),
-        (
-            {"pipeline": {"crop_size": 128, "min_views": 3, "hull": {"grid": "big"}, "decimation": {}}},
-            "pipeline.hull.grid",
-        ),
+        ({"pipeline": {"reconstruct": {"name": "hull", "grid": "big"}}}, "pipeline.reconstruct.grid"),
+        ({"pipeline": {"reconstruct": {"name": "hall"}}}, "pipeline.reconstruct: name is 'hall'"),
         ({"pipeline": {"crop_sise": 128}}, "crop_sise"),
     ],
 )
 def test_mistakes_are_named(change, named):
-    from experiments.classify import Config
-
     with pytest.raises(UserError, match=named):
-        to_dataclass({**composed("classify"), **change}, Config)
+        to_dataclass({**values_of("classify"), **change}, config_of("classify"))
 
 
 def test_missing_key_is_named():
-    from experiments.classify import Config
-
-    values = composed("classify")
-    del values["weights"]
-    with pytest.raises(UserError, match="weights"):
-        to_dataclass(values, Config)
+    values = values_of("classify_folder")
+    del values["captures"]
+    with pytest.raises(UserError, match="captures"):
+        to_dataclass(values, config_of("classify_folder"))
 
 
 def test_all_mistakes_at_once():
-    from experiments.classify import Config
-
     with pytest.raises(UserError) as caught:
-        to_dataclass({**composed("classify"), "seed": "x", "colour": 3}, Config)
+        to_dataclass({**values_of("classify"), "seed": "x", "colour": 3}, config_of("classify"))
     assert "seed" in str(caught.value) and "colour" in str(caught.value)
 
 
 def test_paths_do_not_depend_on_the_working_directory():
-    from experiments._launch.command import CONF_DIR
-
     assert CONF_DIR.is_absolute()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_field_is_in_the_composed_config(name):
+    """So each can be changed on the command line, which refuses keys that are not there."""
+
+    def keys(values: dict[str, Any], prefix: str = "") -> Iterator[str]:
+        for key, value in values.items():
+            yield prefix + key
+            yield from keys(value, f"{prefix}{key}.") if isinstance(value, dict) else ()
+
+    found = set(keys(values_of(name)))
+    assert set(keys(defaults_of(config_of(name)))) <= found
+    assert {path for path, *_ in doors_of(config_of(name))} <= found
+
+
+def test_an_override_of_any_depth_arrives():
+    values = values_of("classify", "pipeline.reconstruct.grid=17", "pipeline.segment.motion.threshold=0.5", "seed=4")
+    config = to_dataclass(values, config_of("classify"))
+    assert (config.pipeline.reconstruct.grid, config.pipeline.segment.motion.threshold, config.seed) == (17, 0.5, 4)
+    with pytest.raises(HydraException, match="grad"):
+        values_of("classify", "pipeline.reconstruct.grad=17")
+
+
+def test_a_group_chooses_a_member_with_its_own_defaults():
+    assert set(values_of("classify")["pipeline"]["segment"]) == {"name", "motion"}
+    assert values_of("classify", "segment=given")["pipeline"]["segment"] == {"name": "given"}
+    with pytest.raises(HydraException, match="auto"):
+        values_of("classify", "segment=guessed")
+
+
+@dataclasses.dataclass(frozen=True)
+class Toy:
+    """Fields with and without defaults, a door whose default has a value that its class has not."""
+
+    size: int
+    ball: BallConfig
+    shape: ShapeConfig = dataclasses.field(default_factory=lambda: BallConfig(radius=2.0))
+
+
+def test_defaults_of_a_class():
+    assert defaults_of(Toy) == {"size": "???", "ball": {"name": "ball", "radius": 1.0}}
+    with pytest.raises(ValueError, match="shape must be a member with its own defaults"):
+        list(doors_of(Toy))
+
+
+# A number has one home
+
+
+def leaves(values: Any, kind: Any, default: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Path, value and default of every value that YAML sets; items of a list have their class's defaults."""
+    kinds = [option for option in (kind, *typing.get_args(kind)) if dataclasses.is_dataclass(option)]
+    if isinstance(values, dict) and kinds:
+        door = door_of(kind)
+        usual = getattr(default, "name", None)
+        kind = members_of(door)[values.get("name", usual)] if door else kinds[0]
+        if door and "name" in values:
+            yield f"{path}.name".lstrip("."), values["name"], usual
+            values = {key: value for key, value in values.items() if key != "name"}
+        default = default if isinstance(default, kind) else None
+        hints = typing.get_type_hints(kind)
+        for field in dataclasses.fields(kind):
+            if field.name in values:
+                known = default_of(field) if default is None else getattr(default, field.name)
+                yield from leaves(values[field.name], hints[field.name], known, f"{path}.{field.name}")
+    elif isinstance(values, dict) and isinstance(default, dict):
+        for key, value in values.items():
+            yield f"{path}.{key}".lstrip("."), value, default.get(key, dataclasses.MISSING)
+    elif isinstance(values, list) and kinds:
+        if (items := tuple(to_dataclass(item, kinds[0]) for item in values)) == default:
+            yield path.lstrip("."), items, items
+        for number, item in enumerate(values):
+            yield from leaves(item, kinds[0], None, f"{path}[{number}]")
+    else:
+        yield path.lstrip("."), values, default
+
+
+def same(value: Any, default: Any) -> bool:
+    """Whether a value of a YAML file is a dataclass's default."""
+    if value is default or default is dataclasses.MISSING:
+        return value is default
+    if isinstance(default, tuple | list):
+        return isinstance(value, list) and len(value) == len(default) and all(map(same, value, default))
+    return value == (str(default) if isinstance(default, Path) else default)
+
+
+def files_of(name: str) -> set[Path]:
+    """YAML files that may be part of an act's configuration."""
+    found = {CONF_DIR / f"{name}.yaml"}
+    for entry in yaml.safe_load((CONF_DIR / f"{name}.yaml").read_text())["defaults"]:
+        if isinstance(entry, dict):
+            (group,) = entry
+            found |= set((CONF_DIR / group.partition("@")[0]).glob("*.yaml"))
+        elif (CONF_DIR / f"{entry}.yaml").is_file() and entry != "base":
+            found |= files_of(entry)
+    return found
+
+
+def settings_of(path: Path, config_type: type, text: str | None = None) -> list[tuple[str, Any, Any]]:
+    return list(leaves(yaml.safe_load(path.read_text() if text is None else text) or {}, config_type, None))
+
+
+def repeated(name: str) -> set[tuple[Path, str]]:
+    """Values of an act's files that are its dataclass's defaults already, unless they undo what another file sets."""
+    rows = [(path, *row) for path in files_of(name) for row in settings_of(path, config_of(name))]
+    changed = {(path.parent, key) for path, key, value, default in rows if not same(value, default)}
+    undoes = {(path, key) for path, key, *_ in rows if any(path.parent != where and key == k for where, k in changed)}
+    return {(path, key) for path, key, value, default in rows if same(value, default)} - undoes
+
+
+def test_yaml_repeats_no_default():
+    """A file that several acts share may say what is the default of some of them."""
+    found = {name: repeated(name) for name in NAMES}
+    users = {path: [name for name in NAMES if path in files_of(name)] for name in NAMES for path in files_of(name)}
+    twice = {
+        f"{path.relative_to(CONF_DIR)}: {key}"
+        for name in NAMES
+        for path, key in found[name]
+        if all((path, key) in found[user] for user in users[path])
+    }
+    assert not twice, "defaults repeated:\n" + "\n".join(sorted(twice))
+
+
+def test_every_file_belongs_to_an_act():
+    known = {path for name in NAMES for path in files_of(name)}
+    assert known == set(CONF_DIR.rglob("*.yaml")) - {CONF_DIR / "base.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("seed: 0", ["seed"]),
+        ("seed: 1", []),
+        ("assets: data/assets", ["assets"]),
+        ("capture: null", ["capture"]),
+        ("pipeline: {crop_size: 128, reconstruct: {name: hull}}", ["pipeline.crop_size", "pipeline.reconstruct.name"]),
+        ("pipeline: {segment: {name: given}}", []),
+        ("sample: {sequence: {rigs: [{kind: sphere, cameras: 9}]}}", ["sample.sequence.rigs[0].kind"]),
+        ("sample: {sequence: {rigs: [{span_px: [90, 90], distance: [12, 12]}]}}", ["sample.sequence.rigs"]),
+    ],
+)
+def test_a_repeated_default_is_found(text, expected):
+    rows = settings_of(Path(), config_of("classify"), text)
+    assert sorted(key for key, value, default in rows if same(value, default)) == expected

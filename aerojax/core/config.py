@@ -1,7 +1,8 @@
 """Strict mapping -> frozen dataclass: an unknown, missing or mistyped key is an error that names it.
 
-A field whose type is the base class of a door (it has `members: ClassVar[str]`, the module whose `MEMBERS` lists the
-members by name) holds one of the members: its mapping's `name` says which, or the field's default if there is no name.
+Where a list is expected, one value stands for a list of one. A field whose type is the base class of a door (it has
+`members: ClassVar[str]`, the module whose `MEMBERS` lists the members by name) holds one of the members: its mapping's
+`name` says which, or the field's default if there is no name.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import cattrs
 import cattrs.gen
+from cattrs.cols import homogenous_tuple_structure_factory
 from cattrs.errors import ForbiddenExtraKeysError
 
 from aerojax.core.errors import UserError
@@ -36,6 +38,22 @@ def _choice(value: Any, kind: Any) -> Any:
     return value
 
 
+def _is_list(kind: Any) -> bool:
+    return get_origin(kind) is tuple and get_args(kind)[-1:] == (...,)
+
+
+def _list_of(converter: cattrs.Converter, kind: Any) -> Any:
+    """How a tuple of any length is made: text is one value and no list of letters."""
+    made = homogenous_tuple_structure_factory(kind, converter)
+
+    def structure(value: Any, of: Any) -> Any:
+        if value is None or isinstance(value, Mapping):
+            raise TypeError(f"expected a list, got {value!r}")
+        return made(value if isinstance(value, list | tuple) else [value], of)
+
+    return structure
+
+
 def _describe(error: BaseException, expected: Any) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
         return f"unknown key(s) {', '.join(sorted(error.extra_fields))}"
@@ -49,6 +67,7 @@ def _converter() -> cattrs.Converter:
     for kind, accepted in ((int, (int,)), (float, (int, float)), (str, (str,)), (bool, (bool,)), (Path, (str, Path))):
         converter.register_structure_hook(kind, _strict(kind, accepted))
     converter.register_structure_hook_func(lambda kind: get_origin(kind) is Literal, _choice)
+    converter.register_structure_hook_factory(_is_list, lambda kind: _list_of(converter, kind))
     converter.register_structure_hook_factory(_has_door, lambda kind: _with_default_members(converter, kind))
     converter.register_structure_hook_func(is_door, lambda value, door: _member(converter, value, door))
     converter.register_unstructure_hook_func(is_door, lambda config: converter.unstructure(config, type(config)))
@@ -137,7 +156,12 @@ def _tidy(line: str) -> str:
 
 def to_mapping(config: Any) -> dict[str, Any]:
     """A config dataclass as plain, JSON-ready containers."""
-    return _CONVERTER.unstructure(config)
+    return to_plain(config)
 
 
-__all__ = ["to_dataclass", "to_mapping"]
+def to_plain(value: Any) -> Any:
+    """A config dataclass, or the value of a field of one, as plain, JSON-ready containers and scalars."""
+    return _CONVERTER.unstructure(value)
+
+
+__all__ = ["default_of", "door_of", "is_door", "members_of", "to_dataclass", "to_mapping", "to_plain"]

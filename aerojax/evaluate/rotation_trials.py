@@ -31,11 +31,11 @@ class RotationTrials:
     draws: of the bootstrap.
     """
 
-    seed: int
-    trials: int
-    token_ensembles: int
-    rotations: Path
-    draws: int
+    seed: int = 0
+    trials: int = 3
+    token_ensembles: int = 1
+    rotations: Path = Path("data/rotations")
+    draws: int = 2000
 
 
 @dataclass(frozen=True)

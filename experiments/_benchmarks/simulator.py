@@ -13,8 +13,6 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
 import aerojax.capture.write as writing
 from aerojax.capture.format import CaptureCamera
@@ -31,7 +29,7 @@ from aerojax.simulate.render.outdoors import Outdoors
 from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 from aerojax.simulate.world.fixed_rigs import Condition, FixedRigConfig, conditions, place_cameras
-from experiments._launch.command import CONF_DIR
+from experiments._launch.composition import composed
 from kernels.rays.raytrace import Lighting, SceneCaster
 
 RIGS = ("sim1", "sim2", "sim3")
@@ -94,11 +92,8 @@ def stopwatch() -> Iterator[Stopwatch]:
 
 def dataset_config(rig: str, preset: str, *overrides: str) -> DatasetConfig:
     """The configuration of `python -m experiments.generate_dataset rig=… preset=…`."""
-    with initialize_config_dir(str(CONF_DIR), version_base=None):
-        values = compose("generate_dataset", overrides=[f"rig={rig}", f"preset={preset}", *overrides])
-    mapping = OmegaConf.to_container(values, resolve=True)
-    assert isinstance(mapping, dict)
-    decisive = {str(key): value for key, value in mapping.items() if key in DatasetConfig.__dataclass_fields__}
+    values = composed("generate_dataset", DatasetConfig, f"rig={rig}", f"preset={preset}", *overrides)
+    decisive = {key: value for key, value in values.items() if key in DatasetConfig.__dataclass_fields__}
     return to_dataclass(decisive, DatasetConfig, source="conf/generate_dataset.yaml")
 
 

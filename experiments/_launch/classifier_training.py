@@ -13,6 +13,7 @@ from rich.console import Console
 from aerojax.classify.base import ClassifierConfig, Trainable, parameter_count, with_card
 from aerojax.classify.card_markdown import card_markdown
 from aerojax.classify.load import save_classifier
+from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
@@ -28,7 +29,7 @@ from experiments._launch.command import Run
 from experiments._launch.training_screen import training_screen
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ClassifierTraining:
     """Data, model and optimisation of one training run.
 
@@ -40,13 +41,13 @@ class ClassifierTraining:
     """
 
     preset: str
-    seed: int
+    seed: int = 0
     clips: tuple[Path, ...]
     also_test: tuple[Path, ...]
-    frames: int
-    model: ClassifierConfig
-    variation: VariationConfig
-    training: TrainingConfig
+    frames: int = 10
+    model: ClassifierConfig = field(default_factory=MambaSplatConfig)
+    variation: VariationConfig = field(default_factory=VariationConfig)
+    training: TrainingConfig = field(default_factory=TrainingConfig)
     tensorboard: bool = False
     distribution: DistributionConfig = field(default_factory=DistributionConfig)
 

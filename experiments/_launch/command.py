@@ -33,9 +33,9 @@ from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
+from experiments._launch.composition import CONF_DIR, store_defaults
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-CONF_DIR = REPOSITORY / "conf"
 PACKAGE = __name__.removesuffix("._launch.command")
 """Where acts are imported from: `experiments`, or where an installed wheel has it."""
 RECORD = "run.json"
@@ -63,8 +63,9 @@ def experiment(
 ) -> Callable[[Callable[[_Config, Run], None]], Callable[[], None]]:
     """Make `main(config, run)` a command line: `python -m experiments.<name> [key=value …] [-m] [--help]`.
 
-    The configuration is `conf/<name>.yaml`, converted once and strictly to `config_type`. A `UserError` ends the
-    process with code 2 and its message alone; any other exception is a bug and keeps its traceback.
+    The configuration is the defaults of `config_type`, changed by `conf/<name>.yaml` and the command line, converted
+    once and strictly. A `UserError` ends the process with code 2 and its message alone; any other exception is a bug
+    and keeps its traceback.
 
     Args:
         config_type: what `main` takes.
@@ -99,6 +100,7 @@ def experiment(
             os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
             os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
             keep_compiled_code()
+            store_defaults(config_type)
             job.__module__ = f"{PACKAGE}.{name}"  # names the run; this file would otherwise
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
             try:

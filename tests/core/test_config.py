@@ -22,6 +22,7 @@ class Scene:
     folder: Path | None = None
     kind: Literal["flat", "round"] = "flat"
     spots: tuple[tuple[float, float], ...] = ()
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,10 @@ def test_values_arrive_with_their_types():
         ({"size": 1, "folder": 3}, "folder: expected Path, got 3"),
         ({"size": 1, "kind": "square"}, "kind: expected one of 'flat', 'round'; got 'square'"),
         ({"size": 1, "colour": 2}, "unknown key(s) colour"),
+        ({"size": 1, "names": [1]}, "names[0]: expected str, got 1"),
+        ({"size": 1, "names": 1}, "names[0]: expected str, got 1"),
+        ({"size": 1, "names": None}, "names: expected a list, got None"),
+        ({"size": 1, "names": {"a": 1}}, "names: expected a list, got {'a': 1}"),
         ({"size": 1, "spots": [[1, 2], [1, "x"]]}, "spots[1][1]: expected float, got 'x'"),
     ],
 )
@@ -63,6 +68,11 @@ def test_every_mistake_names_its_key(values, message):
         to_dataclass(values, Scene, source="scene.yaml")
     assert "scene.yaml does not fit Scene" in str(caught.value) and message in str(caught.value)
     assert caught.value.code == "mismatch"
+
+
+def test_one_value_stands_for_a_list_of_one():
+    assert to_dataclass({"size": 1, "names": "abc"}, Scene).names == ("abc",)
+    assert to_dataclass({"size": 1, "names": []}, Scene).names == ()
 
 
 def test_mapping_and_back():

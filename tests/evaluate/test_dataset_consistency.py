@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from aerojax.core.errors import UserError
 from aerojax.evaluate.dataset_qa.boxes import NOWHERE, box_overlaps, clip_boxes, subpixel_box
 from aerojax.evaluate.dataset_qa.consistency import box_causes, consistency, residual_causes, smoothness, spread
 from aerojax.evaluate.dataset_qa.coverage import (
@@ -184,11 +183,3 @@ def test_rows_are_chosen_in_every_column():
     views = joined([view(), view(frame=1)])
     one = views.where(np.array([False, True]))
     assert {len(getattr(one, f.name)) for f in dataclasses.fields(one)} == {1} and one.frame[0] == 1
-
-
-@pytest.mark.parametrize("given", [3, ["a", 4], None])
-def test_what_is_no_folder_is_refused(given):
-    from experiments.describe_dataset import folders_of
-
-    with pytest.raises(UserError, match="dataset="):
-        folders_of(given)

@@ -6,9 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
-from hydra.core.global_hydra import GlobalHydra
-from omegaconf import OmegaConf
 from support.clip_examples import random_clip
 
 from aerojax.classify.base import untrained
@@ -21,7 +18,7 @@ from aerojax.training.loop import TrainingConfig
 from aerojax.training.tasks.classification import ClipTask
 from aerojax.training.variation import VariationConfig
 from experiments._launch.classifier_training import ClassifierTraining
-from experiments._launch.command import CONF_DIR
+from experiments._launch.composition import composed
 
 TINY = {
     "depth": 1,
@@ -72,10 +69,8 @@ def test_frames_are_prepared_whole_before_tokens_are_drawn(variant):
 
 
 def test_the_published_preset_is_the_released_recipe():
-    GlobalHydra.instance().clear()
-    with initialize_config_dir(str(CONF_DIR), version_base="1.3"):
-        values = OmegaConf.to_container(compose("train_classifier", ["preset=published"]), resolve=True)
-    config = to_dataclass(values, ClassifierTraining)  # type: ignore[arg-type]
+    values = composed("train_classifier", ClassifierTraining, "preset=published")
+    config = to_dataclass(values, ClassifierTraining)
     assert config.model == published_config("X")
     assert (config.variation.frames, config.variation.tokens, config.variation.stride) == (16, 512, 3)
     assert (config.variation.axis_scale, config.variation.jitter, config.variation.drop) == (0.1, 0.0, 0.0)

@@ -80,7 +80,7 @@ class FaultConfig:
     time_offset_s: float = 0.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DatasetConfig:
     """What decides the bytes of a data set's sequences.
 
@@ -97,12 +97,12 @@ class DatasetConfig:
     randomisation: 0 for none to 1 for cheap cameras and unusual light, drawn for each camera and sequence.
     """
 
-    seed: int
+    seed: int = 0
     rig: RigConfig
-    frames: int
-    fps: float
-    sequences: dict[str, int]
-    images: ImageConfig
+    frames: int = 10
+    fps: float = 30.0
+    sequences: dict[str, int] = field(default_factory=lambda: {"train": 1, "val": 1, "test": 1})
+    images: ImageConfig = field(default_factory=lambda: ImageConfig(normals=True, flow=True))
     radii: tuple[float, ...] = ()
     crowd: CrowdConfig = field(default_factory=CrowdConfig)
     faults: FaultConfig = field(default_factory=FaultConfig)

@@ -31,13 +31,13 @@ class SheetConfig:
     backdrop: linear grey. largest_bytes: of a sheet's file; its JPEG quality is lowered until it fits.
     """
 
-    views: tuple[tuple[float, float, float], ...]
-    columns: int
-    width: int
-    height: int
-    samples: int
-    backdrop: float
-    largest_bytes: int
+    views: tuple[tuple[float, float, float], ...] = ((35.0, 25.0, 0.1), (-50.0, -15.0, 0.37))
+    columns: int = 6
+    width: int = 170
+    height: int = 130
+    samples: int = 3
+    backdrop: float = 0.55
+    largest_bytes: int = 390_000
 
 
 def sheet_cell(identity: Identity, assets: Path, sheet: SheetConfig) -> UInt8[np.ndarray, "row column 3"]:

@@ -11,8 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Key
 
-from aerojax.classify.base import Classifier, ClassifierConfig, Trainable, untrained, with_card
-from aerojax.classify.base import Settings
+from aerojax.classify.base import Classifier, ClassifierConfig, Settings, Trainable, untrained, with_card
 from aerojax.data.clips import ClipSet
 from aerojax.evaluate.answers import TEST_ENSEMBLES, log_probabilities
 from aerojax.evaluate.labels import label_figures
