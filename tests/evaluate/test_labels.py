@@ -18,7 +18,7 @@ from aerojax.evaluate.calibration import (
     fit_temperature,
     with_temperature,
 )
-from aerojax.evaluate.labels import cohen_kappa, gorodkin_mcc, label_figures, macro_auc, macro_f1
+from aerojax.evaluate.labels import cohen_kappa, confusion_matrix, gorodkin_mcc, label_figures, macro_auc, macro_f1
 
 
 def log_softmax(logits):
@@ -142,3 +142,16 @@ def test_pairing_cancels_what_is_hard_for_both():
     apart = [bootstrap_interval(one, accuracy, seed=0) for one in pair]
     assert high - low < min(b - a for a, b in apart)
     assert paired_interval(pair[0], pair[0], accuracy, seed=0) == (0.0, 0.0)
+
+
+def test_label_figures_by_hand():
+    log_probabilities = np.log(np.array([[0.7, 0.1, 0.1, 0.1], [0.4, 0.3, 0.2, 0.1], [0.1, 0.1, 0.7, 0.1]]))
+    figures = label_figures(log_probabilities, np.array([0, 1, 2]))
+    assert figures["accuracy"] == pytest.approx(2 / 3)
+    assert figures["nll"] == pytest.approx(-np.log([0.7, 0.3, 0.7]).mean())
+    assert figures["recall"] == [1.0, 0.0, 1.0, None]
+    # F1: bird 2·1/(1+2), drone 0, airplane 1; the helicopter has no example.
+    assert figures["macro_f1"] == pytest.approx((2 / 3 + 0 + 1) / 3)
+    assert figures["confusion"] == [[1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0]]
+    assert json.loads(json.dumps(figures)) == figures
+    np.testing.assert_array_equal(confusion_matrix(np.array([1, 1]), np.array([0, 0]), 2), [[0, 2], [0, 0]])

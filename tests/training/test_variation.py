@@ -1,17 +1,21 @@
-"""Variation of training clips: rotations and sizes, each draw apart from the others; wrong values are named."""
+"""Batches and variation of training clips: fair shuffles, draws apart from each other; wrong values are named."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.clip_examples import random_clip
+from support.splat_scenes import QUICK
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians
-from aerojax.gaussians.rotate import covariance
-from aerojax.training.variation import VariationConfig, vary_clip
+from aerojax.gaussians.rotate import covariance, rotate
+from aerojax.geometry.rotations import haar_rotation
+from aerojax.training.variation import VariationConfig, epoch_order, vary_clip
 
 PLAIN = {"frames": 3, "tokens": 12}
 KEYS = jax.random.split(jax.random.key(7), 64)
@@ -20,7 +24,15 @@ KEYS = jax.random.split(jax.random.key(7), 64)
 def vary(**changes):
     """The same clip under 64 keys."""
     clip, config = random_clip(0, time=4, tokens=16), VariationConfig(**PLAIN, **changes)
-    return jax.jit(jax.vmap(lambda key: vary_clip(clip, jnp.ones(4, bool), config, key=key)))(KEYS)
+    return jax.jit(jax.vmap(lambda key: vary_clip(clip, jnp.ones(4, bool), config, key=key)), compiler_options=QUICK)(
+        KEYS
+    )
+
+
+@partial(jax.jit, static_argnames="config", compiler_options=QUICK)
+def vary_one(clip, present, config, key):
+    """One clip; tests with one configuration share a program."""
+    return vary_clip(clip, present, config, key=key)
 
 
 def fitted_rotation(source, target):
@@ -95,3 +107,74 @@ def test_another_key_is_another_clip(unturned):
 def test_values_that_cannot_be_drawn_are_named(name, value):
     with pytest.raises(UserError, match=rf"variation\.{name} is {value}"):
         VariationConfig(**{name: value})
+
+
+def test_epochs_are_shuffled_the_same_way_each_time():
+    first = list(epoch_order(11, 4, seed=0, epoch=5))
+    assert [len(b) for b in first] == [4, 4] and len(set(np.concatenate(first))) == 8
+    assert all(np.array_equal(a, b) for a, b in zip(first, epoch_order(11, 4, seed=0, epoch=5), strict=True))
+    for changes in ({"seed": 1, "epoch": 5}, {"seed": 0, "epoch": 6}):
+        assert not np.array_equal(np.concatenate(first), np.concatenate(list(epoch_order(11, 4, **changes))))
+    assert list(epoch_order(3, 4, seed=0, epoch=0)) == []
+    left_out = {
+        i for e in range(8) for i in set(range(11)) - set(np.concatenate(list(epoch_order(11, 4, seed=0, epoch=e))))
+    }
+    assert len(left_out) > 3  # not always the same tail
+
+
+def a_clip(time=6, tokens=20, seed=0):
+    rng = np.random.default_rng(seed)
+    columns = rng.normal(size=(time, tokens, 14)).astype(np.float32)
+    columns[..., 3:7] /= np.linalg.norm(columns[..., 3:7], axis=-1, keepdims=True)
+    columns[..., 7:10] = np.exp(0.3 * columns[..., 7:10])
+    return jnp.asarray(columns)
+
+
+EVERY = jnp.ones(6, bool)
+
+
+def test_variation_commutes_with_rotation():
+    """Jitter is isotropic noise in the world's axes, so it is off where equality is asked for."""
+    config = VariationConfig(frames=4, tokens=12, jitter=0.0)
+    turn, key, clip = haar_rotation(key=jax.random.key(8)), jax.random.key(1), a_clip()
+    turned_first, seen_first = vary_one(rotate(Gaussians.from_columns(clip), turn).columns(), EVERY, config, key)
+    varied, seen = vary_one(clip, EVERY, config, key)
+    turned_after = rotate(Gaussians.from_columns(varied), turn)
+    np.testing.assert_array_equal(seen, seen_first)
+    np.testing.assert_allclose(turned_first[..., :3], turned_after.mean, atol=1e-5)
+    ours = covariance(Gaussians.from_columns(turned_first))
+    np.testing.assert_allclose(ours, covariance(turned_after), atol=1e-5)
+    np.testing.assert_allclose(turned_first[..., 10:], varied[..., 10:], atol=1e-6)
+
+
+def test_jitter_is_isotropic_and_follows_the_size():
+    config = VariationConfig(frames=6, tokens=200, jitter=0.1, colour=0.0, drop=0.0)
+    clip = a_clip(tokens=200)
+    clip = clip.at[..., 10].set(jnp.arange(200.0))
+    offsets = []
+    for scale in (1.0, 10.0):
+        large = clip.at[..., :3].multiply(scale)
+        varied, _ = vary_one(large, EVERY, config, jax.random.key(0))
+        source = np.asarray(varied[..., 10]).astype(int)
+        time = np.arange(6)[:, None]
+        offsets.append(np.asarray(varied[..., :3]) - np.asarray(large)[time, source, :3])
+    spread = offsets[0].reshape(-1, 3).std(axis=0)
+    np.testing.assert_allclose(spread, 0.1 * np.sqrt(3), rtol=0.12)  # radius of a unit normal cloud is √3
+    np.testing.assert_allclose(offsets[1], 10 * offsets[0], atol=1e-4)
+
+
+def test_windows_stay_inside_a_short_clip():
+    config, present = VariationConfig(frames=4, tokens=8), jnp.arange(6) < 3
+    for seed in range(5):
+        columns, seen = vary_one(a_clip(), present, config, jax.random.key(seed))
+        assert columns.shape == (4, 8, 14) and seen.shape == (4, 8)
+        np.testing.assert_array_equal(np.asarray(seen).any(axis=1), [True, True, True, False])
+        assert np.asarray(seen)[0].sum() >= 8 * (1 - config.drop) - 1
+
+
+def test_nothing_varied_is_a_choice_of_tokens():
+    config = VariationConfig(frames=6, tokens=20, jitter=0.0, colour=0.0, drop=0.0)
+    columns, seen = vary_one(a_clip(), EVERY, config, jax.random.key(0))
+    assert seen.all()
+    for ours, theirs in zip(np.asarray(columns), np.asarray(a_clip()), strict=True):
+        np.testing.assert_allclose(ours[np.argsort(ours[:, 0])], theirs[np.argsort(theirs[:, 0])], atol=1e-6)

@@ -1,0 +1,33 @@
+"""Checkpoints: the newest stays, others are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aerojax.core.errors import UserError
+from aerojax.training.checkpoint import latest_step, restore_state, save_state
+
+
+def test_checkpoints_keep_the_newest_and_refuse_another_model(tmp_path):
+    assert latest_step(tmp_path / "none") is None
+    for step in (1, 2, 10):
+        save_state(tmp_path, step, {"a": np.arange(step, dtype=np.float32), "b": np.array(step)})
+    assert [p.name for p in tmp_path.iterdir()] == ["step_00000010"]
+    like = {"a": np.zeros(10, np.float32), "b": np.array(0)}
+    restored = restore_state(tmp_path, 10, like)
+    np.testing.assert_array_equal(restored["a"], np.arange(10))
+    assert int(restored["b"]) == 10
+    others = (
+        like | {"a": np.zeros(9, np.float32)},
+        like | {"a": np.zeros(10, np.float64)},
+        like | {"c": np.zeros(1)},
+        {"a": like["a"]},
+        {"a": like["a"], "d": like["b"]},
+    )
+    for other in others:
+        with pytest.raises(UserError, match="belongs to another model, optimiser or training set") as caught:
+            restore_state(tmp_path, 10, other)
+        assert caught.value.code == "mismatch"
+    (tmp_path / "step_00000011.orbax-checkpoint-tmp").mkdir()  # what a kill while writing leaves
+    assert latest_step(tmp_path) == 10
