@@ -18,7 +18,10 @@ from experiments._launch.progress import progress_bar
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """Whose sheets are drawn, and where they go."""
+    """Whose sheets are drawn, and where they go.
+
+    out: folder of the sheets, <class>.jpg; the run's directory if None. assets: USD stages of the identities.
+    """
 
     preset: str
     out: Path | None = None

@@ -16,7 +16,15 @@ from experiments._launch.progress import progress_bar
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """What to export, to which formats and where."""
+    """What to export, to which formats and where.
+
+    dataset: a generated data set, a folder of captures or one capture.
+    format: names of `FORMATS`.
+    images: how they get there; undistorted ones are written anew.
+    depth: write depth maps where format and capture have them.
+    replicator_layout: flat has all files of a camera in one folder.
+    workers: processes. overwrite: make again what is there.
+    """
 
     preset: str
     dataset: Path

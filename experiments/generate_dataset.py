@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import Progress, TaskID
 
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json
@@ -16,7 +14,7 @@ from aerojax.simulate.generate import GenerationResult, Shard, generate_dataset
 from aerojax.simulate.plan.dataset import DatasetConfig, SequenceTask, count, work_list
 from aerojax.simulate.plan.sizes import estimated_bytes
 from experiments._launch.command import Run, experiment
-from experiments._launch.progress import progress_bar
+from experiments._launch.progress import progress_bar, shown_in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,18 +58,6 @@ def main(config: Config, run: Run) -> None:
         )
     write_json(run.directory / "metrics.json", {**metrics, **summary(result)})
     console.print(summary_line(config.folder, result))
-
-
-def shown_in(bar: Progress) -> Callable[[int, int, str], None]:
-    """Progress of the generator as one row a kind of work."""
-    rows: dict[str, TaskID] = {}
-
-    def show(done: int, total: int, what: str) -> None:
-        if what not in rows:
-            rows[what] = bar.add_task(what, total=total)
-        bar.update(rows[what], completed=done, total=total)
-
-    return show
 
 
 def plain(config: Config) -> DatasetConfig:

@@ -24,7 +24,8 @@ class Config:
 
     label, split: of every sequence; folders on the way say it if null.
     version: which of a preprocessed frame's random subsets.
-    tokens: kept of a frame.
+    tokens: kept of a frame; all clips of a training need the same.
+    decimation: of frames that are not preprocessed; seed: of that.
     """
 
     preset: str

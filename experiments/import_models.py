@@ -19,7 +19,11 @@ from experiments._launch.command import Run, experiment
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """Which models, where their stages go, and how they are drawn."""
+    """Which models, where their stages go, and how they are drawn.
+
+    models: the list, YAML: name, file, class, axes …; see `aerojax.simulate.assets.importers`.
+    assets: where the stages and pictures go. out: folder of models.jpg; the run's directory if None.
+    """
 
     preset: str
     models: Path

@@ -16,7 +16,12 @@ from experiments._launch.progress import progress_bar
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """The recording, what it does not say, and where the capture goes."""
+    """The recording, what it does not say, and where the capture goes.
+
+    recording: the folder that holds a folder a render product. out: must not exist.
+    fps: frames a second, which the format does not hold.
+    classes: class of a label or prim path, None to ignore it. up: the stage's axis.
+    """
 
     preset: str
     recording: Path

@@ -28,7 +28,10 @@ LIGHTS = ("albedo", "lit")
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """One measurement: individuals a family (or a class, if not null), views of each, their size, draws of chance."""
+    """One measurement: individuals a family (or a class, if not None), views of each, their size, draws of chance.
+
+    assets: USD stages of the identities.
+    """
 
     preset: str
     seed: int = 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -9,6 +11,7 @@ from rich.progress import (
     Progress,
     ProgressColumn,
     Task,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
@@ -41,3 +44,15 @@ def progress_bar(unit: str | None = None) -> Progress:
         TimeRemainingColumn(),
     )
     return Progress(*columns, *([_RateColumn(unit)] if unit else []), console=Console(stderr=True))
+
+
+def shown_in(bar: Progress) -> Callable[[int, int, str], None]:
+    """Draw progress as one row of a bar a kind of work: a callback for the library."""
+    rows: dict[str, TaskID] = {}
+
+    def show(done: int, total: int, what: str) -> None:
+        if what not in rows:
+            rows[what] = bar.add_task(what, total=total)
+        bar.update(rows[what], completed=done, total=total)
+
+    return show
