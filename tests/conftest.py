@@ -11,7 +11,7 @@ import jax
 import pytest
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
-STRICT = bool(os.environ.get("AEROJAX_STRICT"))
+STRICT = {"jax_debug_nans": True, "jax_numpy_rank_promotion": "raise", "jax_numpy_dtype_promotion": "strict"}
 
 
 def pytest_configure() -> None:
@@ -24,13 +24,10 @@ def pytest_configure() -> None:
 
 @pytest.fixture(autouse=True)
 def _strict_jax():
-    strict = {"jax_debug_nans": True}
-    if STRICT:
-        strict |= {"jax_numpy_rank_promotion": "raise", "jax_numpy_dtype_promotion": "strict"}
-    for name, value in strict.items():
+    for name, value in STRICT.items():
         jax.config.update(name, value)
     yield
-    for name, value in {**strict, "jax_enable_x64": False}.items():
+    for name, value in {**STRICT, "jax_enable_x64": False}.items():
         jax.config.update(name, value)
 
 
