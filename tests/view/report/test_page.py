@@ -12,13 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
-from aerojax.view.encode import cloud_radius, jpeg_uri, jpegs_within, mask_box, mask_outline, pack_cloud
 from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport
 from aerojax.view.report.page import write_report
-from aerojax.view.svg import curves, height_curve, nice_ticks, top_view
-from aerojax.view.templates import fill, read_template
 
 HOSTILE = '<script>alert("1")</script>&\'[[data]]'
+
+
 CLASSES = ("bird", "drone", "airplane", "helicopter")
 
 
@@ -188,90 +187,3 @@ def test_long_captures_stay_below_four_megabytes(tmp_path, frames, cameras):
     assert (f"shows {len(shown)} of {frames} frames" in page.visible()) == (len(shown) < frames)
     places = re.search(r'data-at="([^"]*)"', text)[1].split(" ")
     assert max(frame["index"] for frame in shown) < len(places)
-
-
-def test_fill_names_a_missing_part():
-    with pytest.raises(KeyError, match="title"):
-        fill(read_template("report/page.html"), {"style": "", "script": ""})
-
-
-def test_parts_are_not_filled_again():
-    assert fill("[[a]]-[[b]] [c] [[a]]", {"a": "[[b]]", "b": "2"}) == "[[b]]-2 [c] [[b]]"
-
-
-def test_clouds_are_packed_within_a_step_of_quantisation():
-    points = np.random.default_rng(1).uniform(-1, 1, (200, 3)).astype(np.float32) + np.float32(40)
-    colours = np.arange(600, dtype=np.uint32).astype(np.uint8).reshape(200, 3)
-    packed = pack_cloud(points, colours, 2.0, 500)
-    xyz = np.frombuffer(base64.b64decode(packed["xyz"]), "<i2").reshape(-1, 3) / 32767 * 2.0
-    np.testing.assert_allclose(xyz, points - np.median(points, axis=0), atol=2.0 / 32767)
-    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(packed["rgb"]), np.uint8).reshape(-1, 3), colours)
-    assert packed["count"] == 200
-
-
-def test_clouds_are_thinned_and_outliers_left_out():
-    points = np.random.default_rng(1).normal(size=(1000, 3)).astype(np.float32)
-    points[5] = 1e6
-    points[6] = np.inf
-    radius = cloud_radius([points])
-    assert 2.0 < radius < 4.0
-    packed = pack_cloud(points, np.zeros((1000, 3), np.uint8), radius, 100)
-    assert len(base64.b64decode(packed["xyz"])) == 600 and packed["count"] == 1000
-    empty = pack_cloud(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), radius, 100)
-    assert empty == {"xyz": "", "rgb": "", "count": 0}
-    assert cloud_radius([]) == pytest.approx(1.15)
-
-
-def test_outline_and_box_of_a_mask():
-    mask = np.zeros((20, 30), bool)
-    assert mask_outline(mask) == "" and mask_box(mask) is None
-    mask[4:9, 10:16] = True
-    assert mask_box(mask) == [10, 4, 16, 9]
-    corners = {tuple(map(float, pair.split())) for pair in re.split("[MLZ]", mask_outline(mask)) if pair}
-    assert corners == {(10.5, 4.5), (15.5, 4.5), (15.5, 8.5), (10.5, 8.5)}
-    specks = np.random.default_rng(0).random((80, 80)) > 0.6
-    assert 0 < len(mask_outline(specks, 300)) <= 300
-
-
-def test_images_shrink_to_the_budget():
-    image = np.random.default_rng(0).integers(0, 256, (300, 200, 3), dtype=np.uint8)
-    generous, tight = jpegs_within([image] * 3, 10**7), jpegs_within([image] * 3, 30_000)
-    assert sum(map(len, tight)) <= 30_000 < sum(map(len, generous))
-    decoded = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg_uri(image, 150, 80).partition(",")[2]), np.uint8), 1)
-    assert decoded.shape == (150, 100, 3)
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "ticks"),
-    [
-        (0.0, 1.0, [0, 0.2, 0.4, 0.6, 0.8, 1]),
-        (-3.0, 12.0, [-2, 0, 2, 4, 6, 8, 10, 12]),
-        (0.0, 23.0, [0, 5, 10, 15, 20]),
-        (2.0, 2.0, [2]),
-    ],
-)
-def test_ticks_are_round(low, high, ticks):
-    assert nice_ticks(low, high) == pytest.approx(ticks)
-
-
-def polyline(svg: str) -> np.ndarray:
-    return np.array([[float(v) for v in p.split(",")] for p in re.search(r'points="([^"]*)"', svg)[1].split(" ")])
-
-
-def test_top_view_has_one_scale_and_points_up():
-    places = polyline(top_view(np.array([[0.0, 0, 5], [4.0, 0, 5], [4.0, 3, 5]])))
-    right, up = places[1] - places[0], places[2] - places[1]
-    assert right[0] > 0 and up[1] < 0
-    assert right[0] / 4 == pytest.approx(-up[1] / 3, abs=0.1)
-    assert right[1] == up[0] == 0
-
-
-def test_curves_place_values_and_cursors():
-    svg = curves("p", [2, 4, 6], {"a": [0.0, 1.0, 0.5], "b": [0.0, float("nan"), 1.0]}, "p")
-    places = polyline(svg)
-    assert places[1, 1] < places[2, 1] < places[0, 1]
-    assert places[2, 1] == pytest.approx((places[0, 1] + places[1, 1]) / 2, abs=0.1)
-    cursor = [float(p.split(",")[0]) for p in re.search(r'data-at="([^"]*)"', svg)[1].split(" ")]
-    assert cursor == places[:, 0].tolist()
-    assert len(re.search(r's1" points="([^"]*)"', svg)[1].split(" ")) == 2
-    assert len(re.search(r'data-at="([^"]*)"', height_curve([0, 1], [float("nan"), 3.0]))[1].split(" ")) == 2
