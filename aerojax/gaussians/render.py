@@ -15,7 +15,7 @@ from aerojax.geometry.cameras import invert_rigid
 from aerojax.geometry.rotations import normalise
 from kernels.splat import blend as splat
 from kernels.splat import reference as splat_reference
-from kernels.splat.projection import LARGEST, RULES, Shape, zero_rows
+from kernels.splat.projection import MAX_MAGNITUDE, RULES, Shape, zero_rows
 
 Backend = Literal["warp", "reference"]
 
@@ -80,7 +80,7 @@ def render(
     def one(mean, quaternion, scale, opacity, sh, K, world_from_cam, background):
         attributes = (mean, quaternion, scale, opacity[:, None], sh.reshape(-1, 3 * sh.shape[1]))
         columns = jax.lax.stop_gradient(jnp.concatenate(attributes, axis=-1))
-        finite = jnp.all(jnp.isfinite(columns) & (jnp.abs(columns) <= LARGEST), axis=-1)
+        finite = jnp.all(jnp.isfinite(columns) & (jnp.abs(columns) <= MAX_MAGNITUDE), axis=-1)
         mean, quaternion, scale, opacity, sh = zero_rows((mean, quaternion, scale, opacity, sh), finite)
         # A lost camera sees nothing: opacity 0 and a stand-in, for arithmetic on NaN would poison gradients.
         known = jnp.all(jnp.isfinite(K)) & jnp.all(jnp.isfinite(world_from_cam))

@@ -29,11 +29,11 @@ def rotate(gaussians: Gaussians, rotation: Float[Array, "3 3"]) -> Gaussians:
     Returns:
         Gaussians whose quaternions are unit with w ≥ 0.
     """
-    turn = jnp.broadcast_to(quaternion_from_rotation(rotation), gaussians.quaternion.shape)
+    quaternion = jnp.broadcast_to(quaternion_from_rotation(rotation), gaussians.quaternion.shape)
     return dataclasses.replace(
         gaussians,
         mean=gaussians.mean @ rotation.T,
-        quaternion=canonical_sign(quaternion_multiply(turn, normalise(gaussians.quaternion))),
+        quaternion=canonical_sign(quaternion_multiply(quaternion, normalise(gaussians.quaternion))),
         sh=rotate_sh(gaussians.sh, rotation),
     )
 
@@ -46,6 +46,6 @@ def transform(gaussians: Gaussians, dst_from_src: Float[Array, "4 4"], *, scale:
         dst_from_src: rigid transform [R t; 0 1], metres.
         scale: uniform factor applied first, positive.
     """
-    turned = rotate(gaussians, dst_from_src[:3, :3])
+    rotated = rotate(gaussians, dst_from_src[:3, :3])
     mean = transform_points(dst_from_src, gaussians.mean * scale)
-    return dataclasses.replace(turned, mean=mean, scale=gaussians.scale * scale)
+    return dataclasses.replace(rotated, mean=mean, scale=gaussians.scale * scale)

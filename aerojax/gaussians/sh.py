@@ -72,7 +72,7 @@ def colour_in_direction(
 
 
 @functools.cache
-def _probes(degree: int) -> tuple[np.ndarray, np.ndarray]:
+def _sample_directions(degree: int) -> tuple[np.ndarray, np.ndarray]:
     """Well-spread unit directions (rows) and the pseudo-inverse of the harmonics of exactly `degree` on them."""
     index = np.arange(32) + 0.5
     z, azimuth = 1 - index / 16, np.pi * (1 + 5**0.5) * index  # the Fibonacci lattice of Swinbank & Purser 2006
@@ -86,7 +86,7 @@ def rotation_of_degree(rotation: Float[Array, "3 3"], degree: int) -> Float[Arra
 
     They span a space that rotations map to itself, so the least-squares fit on a fixed set of directions is exact.
     """
-    directions, inverse = _probes(degree)
+    directions, inverse = _sample_directions(degree)
     rotated = jnp.asarray(directions, rotation.dtype) @ rotation.T
     values = basis(rotated, degree)[:, degree**2 :]
     return (jnp.asarray(inverse, rotation.dtype) @ values).T

@@ -20,6 +20,7 @@ import optax
 from jaxtyping import Array, Float32, Key
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_text
 from aerojax.core.types import pytree_dataclass
 from aerojax.training.checkpoint import latest_step, restore_state, save_state
 from aerojax.training.distribution import Devices, devices_for, from_first_process, is_first_process
@@ -52,8 +53,8 @@ class TrainingConfig:
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
 
 
-def _watch_nothing(step: int, figures: dict[str, float]) -> None:
-    """What `Fit.watch` is by default."""
+def _ignore(step: int, figures: dict[str, float]) -> None:
+    """The default of `Fit.watch`."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Fit:
     steps_per_epoch: int
     validate: Callable[[Any], dict[str, float]]
     report: Callable[[dict[str, float]], None]
-    watch: Callable[[int, dict[str, float]], None] = _watch_nothing
+    watch: Callable[[int, dict[str, float]], None] = _ignore
 
 
 @pytree_dataclass
@@ -264,9 +265,7 @@ def _trim(history: Path, epochs: int) -> None:
     """Drop rows written after the checkpoint that the run goes on from."""
     if history.exists():
         rows = history.read_text().splitlines()[:epochs]
-        kept = history.with_name(history.name + ".kept")
-        kept.write_text("".join(row + "\n" for row in rows))
-        kept.replace(history)
+        write_text(history, "".join(row + "\n" for row in rows))
 
 
 def smoothed_cross_entropy(logits: jax.Array, labels: jax.Array, smoothing: float) -> jax.Array:

@@ -92,7 +92,7 @@ def vary_clip(
     colour = clip[..., 11:] * (1 + config.colour * jax.random.normal(gain, (1, 1, 3)))
     colour = colour + config.colour * jax.random.normal(offset, (1, 1, 3))
     clip = _scale(jnp.concatenate([mean, clip[..., 3:11], colour], axis=-1), config, key=size)
-    return _turn(clip, config, key=turn), real[:, None] & visible[None, :]
+    return _rotate(clip, config, key=turn), real[:, None] & visible[None, :]
 
 
 def _window(
@@ -130,7 +130,7 @@ def stretch_axes(
     return columns.at[..., :3].multiply(factors).at[..., 7:10].multiply(factors)
 
 
-def _turn(
+def _rotate(
     clip: Float[Array, "frame token 14"], config: VariationConfig, *, key: Key[Array, ""]
 ) -> Float[Array, "frame token 14"]:
     """One rotation about the world's origin for all frames, as the test rotations of the protocols are."""

@@ -16,9 +16,9 @@ import warp as wp
 from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float, Int
 
-from kernels.splat.blending import GRADIENT
 from kernels.splat.launch import callables
 from kernels.splat.projection import ALPHA_MIN, RULES, Shape, Splats, project, usable
+from kernels.splat.warp_kernels import GRADIENT
 
 _MARGIN = 1e-3
 """A power this far under the exact visibility threshold is skipped before its exponential; rounding is far smaller."""

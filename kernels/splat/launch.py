@@ -16,14 +16,14 @@ from typing import Any, NamedTuple, no_type_check
 import numpy as np
 import warp as wp
 
-from kernels.splat.blending import GRADIENT, RECORD, Blending, blending_kernels, listing_kernels
 from kernels.splat.projection import TILE
+from kernels.splat.warp_kernels import GRADIENT, RECORD, Blending, blending_kernels, listing_kernels
 
-MOST_PAIRS = 2**31 - 1
+MAX_PAIRS = 2**31 - 1
 """Places in a list are 32-bit; the sort's double buffer would take 34 GB there."""
 CHUNKS_PER_THREAD = 4
 """Tile ranges a thread takes one after another: evens out pixels that end early, for some 20 µs a launch."""
-SMALL = 20_000
+FEW_PAIRS = 20_000
 """Pairs (Gaussian, tile) below which one chunk a thread is enough."""
 
 
@@ -84,7 +84,7 @@ def _sort(keys: wp.array, values: wp.array, count: int, bits: int) -> None:
 def pair_count_error(total: int) -> str:
     """The message for more pairs than a list can hold; it names the number needed."""
     return (
-        f"splat: {total:,} Gaussian-tile pairs are needed, but a list holds at most {MOST_PAIRS:,}; "
+        f"splat: {total:,} Gaussian-tile pairs are needed, but a list holds at most {MAX_PAIRS:,}; "
         "draw fewer images a call, fewer or smaller Gaussians, or a smaller image"
     )
 
@@ -111,7 +111,7 @@ def build_lists(rectangles: wp.array, depths: wp.array, images: int, width: int,
     counts, total = integers(n), wp.zeros(1, dtype=wp.int64, device=device)
     launch(kernels.count, n, rectangles, counts, total)
     pairs = int(total.numpy()[0])
-    if pairs > MOST_PAIRS:
+    if pairs > MAX_PAIRS:
         raise RuntimeError(pair_count_error(pairs))
 
     keys, order = wp.empty(2 * n, dtype=depths.dtype, device=device), integers(2 * n)
@@ -136,7 +136,7 @@ def _ranges(lists: Lists, device: Any) -> list[tuple[int, int]]:
     if device.is_cuda:
         return [(0, lists.tiles)]
     work = lists.starts.numpy() + np.arange(lists.tiles + 1)  # a tile without Gaussians still has pixels to write
-    wanted = _WORKERS.count * (CHUNKS_PER_THREAD if work[-1] > SMALL else 1)
+    wanted = _WORKERS.count * (CHUNKS_PER_THREAD if work[-1] > FEW_PAIRS else 1)
     edges = np.searchsorted(work, work[-1] * np.arange(1, wanted) / wanted)
     edges = np.unique(np.concatenate([[0], edges, [lists.tiles]])).tolist()
     return list(itertools.pairwise(edges))

@@ -22,11 +22,11 @@ DILATION = 0.3
 """Variance added to both image axes, square pixels: a low-pass of about one pixel."""
 ALPHA_MIN = 1.0 / 255.0
 """Contributions below one 8-bit step are skipped."""
-STOP = 1e-4
+MIN_TRANSMITTANCE = 1e-4
 """A pixel ends before the Gaussian that would bring its transmittance below this."""
 COMPENSATION_FLOOR = 0.005**2
 """Smallest determinant ratio of the anti-alias compensation: keeps the root's gradient finite at zero size."""
-LARGEST = 1e12
+MAX_MAGNITUDE = 1e12
 """Inputs beyond this magnitude count as non-finite: their squares would overflow float32."""
 
 
@@ -36,7 +36,7 @@ class Rules(NamedTuple):
     alpha_max: opacity clamp of one Gaussian at one pixel; the gradient through the clamp is zero.
     opacity_aware: extent from the opacity and per axis, else a square of three standard deviations of the long axis.
     centred_clamp: Jacobian ratios clamped symmetrically about the optical axis, else about the image rectangle.
-    stop_at_equality: whether transmittance exactly `STOP` ends the pixel.
+    stop_at_equality: whether transmittance exactly `MIN_TRANSMITTANCE` ends the pixel.
     """
 
     alpha_max: float
@@ -46,7 +46,7 @@ class Rules(NamedTuple):
 
     def stop(self, dtype: np.dtype) -> float:
         """The threshold t for which `T < t` expresses this rule's stop in `dtype`."""
-        threshold = dtype.type(STOP)
+        threshold = dtype.type(MIN_TRANSMITTANCE)
         return float(np.nextafter(threshold, dtype.type(1)) if self.stop_at_equality else threshold)
 
 
@@ -105,7 +105,7 @@ def usable(
 ) -> Bool[Array, "gaussian"]:
     """Which Gaussians have only finite attributes of sane magnitude; the others are dropped and counted."""
     columns = jnp.concatenate([mean, quaternion, scale, opacity[:, None], colour], axis=-1)
-    return jnp.all(jnp.isfinite(columns) & (jnp.abs(columns) <= LARGEST), axis=-1)
+    return jnp.all(jnp.isfinite(columns) & (jnp.abs(columns) <= MAX_MAGNITUDE), axis=-1)
 
 
 def zero_rows(arrays: tuple[Array, ...], keep: Bool[Array, "gaussian"]) -> tuple[Array, ...]:
@@ -160,15 +160,15 @@ def _project(gaussians: tuple[Array, ...], K: Array, world: Array, keep: Array, 
     ahead = jnp.array([[0, 0, 1]], mean.dtype)
     t = jnp.where(keep[:, None], mean @ world[:3, :3].T + world[None, :3, 3], ahead)
     axes = world[:3, :3] @ (rotation_of(quaternion) * scale[:, None, :])
-    across, down = _image_axes(t, axes, K, shape)
-    a = jnp.sum(across * across, axis=-1) + DILATION
-    b = jnp.sum(across * down, axis=-1)
-    c = jnp.sum(down * down, axis=-1) + DILATION
-    # |across × down|² is the undilated determinant (Lagrange); a sum of positive terms, where ac - b² would cancel.
-    sharp = jnp.sum(jnp.cross(across, down) ** 2, axis=-1)
-    determinant = sharp + DILATION * (a + c) - DILATION**2
+    row_u, row_v = _image_axes(t, axes, K, shape)
+    a = jnp.sum(row_u * row_u, axis=-1) + DILATION
+    b = jnp.sum(row_u * row_v, axis=-1)
+    c = jnp.sum(row_v * row_v, axis=-1) + DILATION
+    # |row_u × row_v|² is the undilated determinant (Lagrange); a sum of positive terms, where ac - b² would cancel.
+    undilated = jnp.sum(jnp.cross(row_u, row_v) ** 2, axis=-1)
+    determinant = undilated + DILATION * (a + c) - DILATION**2
     if shape.antialias:
-        opacity = opacity * jnp.sqrt(jnp.maximum(sharp / determinant, COMPENSATION_FLOOR))
+        opacity = opacity * jnp.sqrt(jnp.maximum(undilated / determinant, COMPENSATION_FLOOR))
     centre = t[:, :2] / t[:, 2:] * jnp.stack([K[0, 0], K[1, 1]])[None] + K[None, :2, 2]
     rectangle = _rectangle(*jax.lax.stop_gradient((centre, (a, b, c), opacity)), shape)
     conic = jnp.stack([c, -b, a], axis=-1) / determinant[:, None]

@@ -111,7 +111,7 @@ def test_behind_near_and_outside_are_not_drawn(mean):
 
 def test_empty_scene_is_background():
     empty = jax.tree.map(lambda x: x[:0], single((0, 0, 1), 0.1))
-    image = render(empty, LOOKING_ALONG_Z, background=jnp.array([0.1, 0.2, 0.3]))
+    image = drawing()(empty, LOOKING_ALONG_Z, background=jnp.array([0.1, 0.2, 0.3]))
     assert image.colour.shape == (19, 23, 3) and int(image.dropped) == 0
     np.testing.assert_allclose(image.colour[3, 4], [0.1, 0.2, 0.3])
 
@@ -125,9 +125,9 @@ def test_coincident_gaussians_keep_index_order(backend):
 
 
 def test_too_many_pairs_are_an_error_that_names_the_number(monkeypatch):
-    monkeypatch.setattr(splat_launch, "MOST_PAIRS", 3)
+    monkeypatch.setattr(splat_launch, "MAX_PAIRS", 3)
     with pytest.raises(jax.errors.JaxRuntimeError, match="4 Gaussian-tile pairs are needed"):
-        jax.block_until_ready(render(single((0, 0, 1), 0.2), LOOKING_ALONG_Z, background=jnp.zeros(3)).colour)
+        jax.block_until_ready(drawing()(single((0, 0, 1), 0.2), LOOKING_ALONG_Z, background=jnp.zeros(3)))
 
 
 def test_antialias_keeps_the_energy_of_thin_gaussians():

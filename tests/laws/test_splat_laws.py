@@ -15,8 +15,8 @@ from aerojax.gaussians.render import expected_depth, render
 from aerojax.gaussians.rotate import transform
 from aerojax.geometry.cameras import look_at
 from kernels.splat import launch as splat_launch
-from kernels.splat.blending import blending_kernels
 from kernels.splat.launch import worker_threads
+from kernels.splat.warp_kernels import blending_kernels
 
 
 def test_order_of_gaussians_does_not_matter(x64):

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from aerojax.core.errors import UserError
+from aerojax.core.files import write_bytes
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.io.compressed_ply import decode
 from aerojax.gaussians.sh import COEFFICIENTS
@@ -90,7 +91,7 @@ def write_ply(path: Path | str, gaussians: Gaussians) -> None:
     lines = ["ply", "format binary_little_endian 1.0", "comment metres; frame as given, +Z up for aerojax worlds"]
     lines += [f"element vertex {len(sh)}", *(f"property float {name}" for name in property_names(sh.shape[1]))]
     header = "\n".join([*lines, "end_header\n"]).encode()
-    Path(path).write_bytes(header + np.concatenate(columns, axis=1).astype("<f4").tobytes())
+    write_bytes(Path(path), header + np.concatenate(columns, axis=1).astype("<f4").tobytes())
 
 
 def property_names(coefficients: int) -> list[str]:

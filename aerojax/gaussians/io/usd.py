@@ -21,7 +21,7 @@ from aerojax.gaussians.sh import degree_of
 
 PRIM = "/Gaussians"
 SUFFIXES = (".usd", ".usda", ".usdc")
-REACH = 3.0
+EXTENT_SIGMAS = 3.0
 """Standard deviations that the bounding box covers."""
 
 
@@ -86,7 +86,7 @@ def _values(gaussians: Gaussians, source: str) -> dict[str, Any]:
         raise UserError("invalid", f"{source}: non-finite numbers", "drop those rows")
     norm = np.linalg.norm(quaternion, axis=1, keepdims=True)
     unit = np.where(norm > 0, quaternion / np.where(norm > 0, norm, 1), np.array([1, 0, 0, 0], np.float32))
-    reach = REACH * scale.max(axis=1, keepdims=True, initial=0)
+    reach = EXTENT_SIGMAS * scale.max(axis=1, keepdims=True, initial=0)
     extent = np.stack([(mean - reach).min(axis=0), (mean + reach).max(axis=0)]) if len(mean) else np.zeros((2, 3))
     # Arrays of quaternions lie in memory with the real part last.
     turned = np.ascontiguousarray(unit[:, [1, 2, 3, 0]], np.float32)

@@ -116,8 +116,8 @@ def listing_kernels() -> Listing:
 def blending_kernels(real: type, strip: int) -> Blending:
     """Kernels that blend in `wp.float32` or `wp.float64`, a thread for `strip` neighbouring pixels of one tile row.
 
-    A CPU takes whole rows: what a row shares is computed once, and a Gaussian's share of the row is solved for instead
-    of being searched. A GPU takes single pixels, whose state then lives in registers.
+    A CPU takes whole rows: what a row shares is computed once, and the pixels of the row that a Gaussian reaches are
+    solved for instead of being searched. A GPU takes single pixels, whose state then lives in registers.
     """
     record = wp.types.vector(length=RECORD, dtype=real)
     gradient = wp.types.vector(length=GRADIENT, dtype=real)
@@ -135,7 +135,7 @@ def blending_kernels(real: type, strip: int) -> Blending:
     in_row = wp.constant(TILE // strip)
 
     @wp.func
-    def corner(tile: int, part: int, width: int, height: int):
+    def strip_origin(tile: int, part: int, width: int, height: int):
         # (image, row, first column) of a strip.
         across = (width + edge - 1) // edge
         per_image = across * ((height + edge - 1) // edge)
@@ -144,7 +144,7 @@ def blending_kernels(real: type, strip: int) -> Blending:
         return tile // per_image, row, inside % across * edge + part % in_row * size
 
     @wp.func
-    def share(r: record, column: int, dy: real, columns: int):
+    def visible_span(r: record, column: int, dy: real, columns: int):
         # Pixels [first, stop) of the strip where the power can reach its lowest visible value r[6]:
         # A dx² + 2 B dy dx + C dy² + 2 r[6] <= 0, a quadratic in dx; the slack covers its rounding.
         b = r[3] * dy
@@ -180,7 +180,7 @@ def blending_kernels(real: type, strip: int) -> Blending:
     ):
         offset, part = wp.tid()
         tile = tile_first + offset
-        view, row, column = corner(tile, part, width, height)
+        view, row, column = strip_origin(tile, part, width, height)
         columns = wp.min(size, width - column)
         if columns > 0 and row < height:
             t = real_strip()
@@ -200,7 +200,7 @@ def blending_kernels(real: type, strip: int) -> Blending:
                 r = records[gaussian]
                 place += 1
                 dy = r[1] - v
-                first, stop = share(r, column, dy, columns)
+                first, stop = visible_span(r, column, dy, columns)
                 for k in range(first, stop):
                     if ended[k] == 0:
                         dx = r[0] - (real(column + k) + half)
@@ -249,7 +249,7 @@ def blending_kernels(real: type, strip: int) -> Blending:
         # dL/dalpha_i = T_i F_i - (S_i + T_final dL/dT_final) / (1 - alpha_i).
         offset, part = wp.tid()
         tile = tile_first + offset
-        view, row, column = corner(tile, part, width, height)
+        view, row, column = strip_origin(tile, part, width, height)
         columns = wp.min(size, width - column)
         if columns > 0 and row < height:
             where = (view * height + row) * width + column
@@ -268,7 +268,7 @@ def blending_kernels(real: type, strip: int) -> Blending:
                 gaussian = listed[place]
                 r = records[gaussian]
                 dy = r[1] - v
-                first, stop = share(r, column, dy, columns)
+                first, stop = visible_span(r, column, dy, columns)
                 if first < stop:
                     g = gradient()
                     colour = colours[gaussian]
