@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.splat_scenes import QUICK
 
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.decimate import DecimationConfig, decimate
@@ -26,14 +27,14 @@ def cloud(count, seed=0):
     return Gaussians.from_columns(jnp.asarray(columns))
 
 
-@partial(jax.jit, static_argnames="config")
+@partial(jax.jit, static_argnames="config", compiler_options=QUICK)
 def chosen(gaussians, key, count=None, config=CONFIG):
     return decimate(gaussians, key=key, config=config, count=count).opacity
 
 
-@pytest.mark.parametrize("size", [1, 63, 64, 120, 121, 400, 1000])
+@pytest.mark.parametrize("size", [1, 64, 120, 121, 1000])
 def test_size_is_always_the_same(size):
-    kept = decimate(cloud(size), key=jax.random.key(0), config=CONFIG)
+    kept = jax.jit(partial(decimate, config=CONFIG), compiler_options=QUICK)(cloud(size), key=jax.random.key(0))
     assert kept.mean.shape == (64, 3) and kept.sh.shape == (64, 1, 3)
     source = cloud(size)
     index = np.asarray(kept.opacity).astype(int)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.splat_scenes import LOOKING_ALONG_Z, single
+from support.splat_scenes import LOOKING_ALONG_Z, QUICK, single
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import View
@@ -32,6 +34,7 @@ def test_the_held_out_view_is_counted_among_the_valid_ones():
 
 def test_both_images_have_the_views_own_background():
     views = views_of(2)
-    rendered, target = render_beside_views(single((0, 0, -1), 0.1), views, antialias=True)
+    compare = jax.jit(partial(render_beside_views, antialias=True), compiler_options=QUICK)
+    rendered, target = compare(single((0, 0, -1), 0.1), views)
     np.testing.assert_allclose(rendered, views.rgb, atol=1e-6)
     np.testing.assert_allclose(target, views.rgb, atol=1e-6)
