@@ -64,7 +64,7 @@ def test_fit_recovers_colour_and_shape():
         return image.colour, image.alpha
 
     views = circle_of_views(image_of)
-    start = dataclasses.replace(truth, sh=jnp.zeros_like(truth.sh), opacity=jnp.full(len(truth.mean), 0.5))
+    start = dataclasses.replace(truth, sh=jnp.zeros_like(truth.sh), opacity=jnp.full(len(truth.mean), 0.5, jnp.float32))
     losses = []
     config = dataclasses.replace(CONFIG, colour_rate=0.1, opacity_rate=0.2)
     fitted = fit_gaussians(
