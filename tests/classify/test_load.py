@@ -37,7 +37,7 @@ def test_the_shipped_weights_open_without_a_path():
     shipped = load_classifier()
     assert shipped.card.tokens == 64 and dict(shipped.card.settings)["crop_size"] == 128
     assert parameter_count(shipped.network) == 1_857_506
-    assert json.loads(shipped.card.record)["test"]["accuracy"] == pytest.approx(0.7778, abs=1e-4)
+    assert json.loads(shipped.card.record)["test"]["accuracy"] == pytest.approx(0.7708, abs=1e-4)
 
 
 def broken(tmp_path, *, card=None, **tensors):
