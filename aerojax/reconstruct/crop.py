@@ -6,11 +6,13 @@ stays exact. (The thesis declares one fixed focal length instead, which is true 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Float32
 
 from aerojax.core.types import Camera, pytree_dataclass
 from aerojax.geometry.cameras import pixel_rays
@@ -96,6 +98,32 @@ def _crop_many(camera: Camera, boxes: Float[Array, "view 4"], size: int) -> Crop
     return jax.vmap(lambda c, b: crop_camera(c, b, size=size))(camera, boxes)
 
 
+@dataclass(frozen=True)
+class CropSource:
+    """What of an image a crop depends on.
+
+    window: x0 y0 x1 y1, whole pixels inside the image, ends exclusive.
+    blur: standard deviation in pixels of the low-pass that goes before the resampling; 0 for none.
+    """
+
+    window: tuple[int, int, int, int]
+    blur: float
+
+
+def crop_source(crop_from_image: Float[np.ndarray, "3 3"], *, size: int, image_size: tuple[int, int]) -> CropSource:
+    """The window of an image (width, height) that a crop is resampled from, and how much it is low-passed first."""
+    corners = np.array([[0, 0, 1], [size, 0, 1], [0, size, 1], [size, size, 1]]) @ np.linalg.inv(crop_from_image).T
+    corners = corners[:, :2] / corners[:, 2:]
+    shrink = float(np.max(corners[3] - corners[0])) / size
+    blur = 0.5 * float(np.sqrt(shrink * shrink - 1.0)) + 1e-3 if shrink > 1.0 else 0.0
+    # Only what the crop can depend on is filtered: OpenCV's kernel reaches 4σ, the interpolation 2 pixels.
+    reach = int(np.ceil(4.0 * blur)) + 4
+    width, height = image_size
+    x0, y0 = (int(v) for v in np.clip(np.floor(corners.min(axis=0)) - reach, 0, (width - 1, height - 1)))
+    x1, y1 = (int(v) for v in np.clip(np.ceil(corners.max(axis=0)) + reach, (x0 + 1, y0 + 1), (width, height)))
+    return CropSource((x0, y0, x1, y1), blur)
+
+
 def crop_image(
     image: Float[np.ndarray, "height width *channel"],
     crop_from_image: Float[np.ndarray, "3 3"],
@@ -115,23 +143,44 @@ def crop_image(
         float32. Enlarged with cubic interpolation; where the crop is coarser than the image, the image is low-passed
         first so that thin rods do not fall between samples.
     """
-    corners = np.array([[0, 0, 1], [size, 0, 1], [0, size, 1], [size, size, 1]]) @ np.linalg.inv(crop_from_image).T
-    corners = corners[:, :2] / corners[:, 2:]
-    shrink = float(np.max(corners[3] - corners[0])) / size
-    blur = 0.5 * float(np.sqrt(shrink * shrink - 1.0)) + 1e-3 if shrink > 1.0 else 0.0
-    # Only what the crop can depend on is filtered: OpenCV's kernel reaches 4σ, the interpolation 2 pixels.
-    reach = int(np.ceil(4.0 * blur)) + 4
     height, width = image.shape[:2]
-    x0, y0 = (int(v) for v in np.clip(np.floor(corners.min(axis=0)) - reach, 0, (width - 1, height - 1)))
-    x1, y1 = (int(v) for v in np.clip(np.ceil(corners.max(axis=0)) + reach, (x0 + 1, y0 + 1), (width, height)))
-    image = image[y0:y1, x0:x1]
-    if blur > 0.0:
-        image = cv2.GaussianBlur(image, (0, 0), blur)
+    source = crop_source(crop_from_image, size=size, image_size=(width, height))
+    x0, y0, x1, y1 = source.window
+    return crop_part(image[y0:y1, x0:x1], source, crop_from_image, size=size, outside=outside)
+
+
+def crop_part(
+    part: Float[np.ndarray, "rows columns *channel"],
+    source: CropSource,
+    crop_from_image: Float[np.ndarray, "3 3"],
+    *,
+    size: int,
+    outside: float = 0.0,
+) -> Float[np.ndarray, "size size *channel"]:
+    """`crop_image` from the window that `crop_source` names, for images of which nothing else exists."""
+    if source.blur > 0.0:
+        part = cv2.GaussianBlur(part, (0, 0), source.blur)
     # OpenCV's first pixel centre is (0, 0), ours (0.5, 0.5).
     half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+    x0, y0 = source.window[:2]
     matrix = np.linalg.inv(half) @ crop_from_image @ half @ np.array([[1.0, 0, x0], [0, 1.0, y0], [0, 0, 1.0]])
     value = (outside,) * 4
     warped = cv2.warpPerspective(
-        image, matrix, (size, size), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT, borderValue=value
+        part, matrix, (size, size), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT, borderValue=value
     )
     return np.clip(warped, 0.0, 1.0)
+
+
+def small_crops(
+    rgb: Float[np.ndarray, "view size size 3"], mask: Float[np.ndarray, "view size size"], *, size: int
+) -> Float32[np.ndarray, "view {size} {size} 4"]:
+    """Crops as classifiers of views read them: sRGB times coverage, and coverage, averaged over equal areas.
+
+    Colours are multiplied first, so that nothing of the background is left.
+
+    Args:
+        rgb, mask: crops of any side, 0..1.
+        size: side of what is returned, pixels.
+    """
+    whole = np.concatenate([rgb * mask[..., None], mask[..., None]], axis=-1).astype(np.float32)
+    return np.stack([cv2.resize(one, (size, size), interpolation=cv2.INTER_AREA) for one in whole])
