@@ -29,7 +29,7 @@ from aerojax.simulate.assets.importers.models import ImportedModel
 from aerojax.simulate.assets.multicopters.asset import build_multicopter
 from aerojax.simulate.assets.multicopters.families import draw_multicopter, multicopter_families
 from aerojax.simulate.usd.authoring import Asset, write_asset
-from aerojax.simulate.usd.skeletons import write_skinned
+from aerojax.simulate.usd.skeletons import SkinnedAsset, write_skinned
 
 _FAMILIES: dict[str, Callable[[], dict[str, Family]]] = {
     "bird": bird_families,
@@ -119,25 +119,36 @@ def build_identity(identity: Identity, folder: Path) -> Path:
     if identity.model is not None:
         convert_model(identity.model, path)
         return path
+    if path.exists() and path.with_suffix(".png").exists():
+        return path
+    asset = asset_of(identity)
+    if isinstance(asset, SkinnedAsset):
+        write_skinned(path, asset, colour_seed_of(identity))
+    else:
+        write_asset(path, asset, colour_seed_of(identity))
+    return path
+
+
+def colour_seed_of(identity: Identity) -> int:
+    """The seed of a procedural identity's palette and patterns."""
+    return seed_of("colours", identity.seed)
+
+
+def asset_of(identity: Identity) -> Asset | SkinnedAsset:
+    """The parts and the motion of a procedural identity, in memory.
+
+    Raises:
+        UserError: if the identity names an unknown class or family.
+    """
     if identity.label not in _FAMILIES or identity.family not in families_of(identity.label):
         raise UserError(
             "invalid",
             f"identity {identity.name}: no family {identity.family!r} of class {identity.label!r}",
             "choose a family of the catalogue",
         )
-    if path.exists() and path.with_suffix(".png").exists():
-        return path
     rng = np.random.default_rng(identity.seed)
-    colour_seed = seed_of("colours", identity.seed)
     if identity.label == "bird":
-        write_skinned(path, build_bird(draw_bird(identity.family, rng)), colour_seed)
-    else:
-        write_asset(path, _rigid_asset(identity, rng), colour_seed)
-    return path
-
-
-def _rigid_asset(identity: Identity, rng: np.random.Generator) -> Asset:
-    """Draw and build an asset whose moving parts are rotors."""
+        return build_bird(draw_bird(identity.family, rng))
     if identity.label == "drone":
         return build_multicopter(draw_multicopter(identity.family, rng), rng)
     if identity.label == "helicopter":

@@ -37,7 +37,7 @@ class AnimatedMesh:
     part: UInt16[np.ndarray, "face"]
     part_names: tuple[str, ...]
     cycle_seconds: float
-    _stage: Usd.Stage = field(repr=False)  # prims do not keep their stage alive
+    _stage: Usd.Stage | None = field(repr=False)  # prims do not keep their stage alive; None without a file
     _evaluate: tuple[Evaluate, ...] = field(repr=False)
     _joints: tuple[EvaluateJoints, ...] = field(repr=False)
     _time_codes_per_second: float = field(repr=False)

@@ -104,11 +104,18 @@ def write_asset(path: Path, asset: Asset, colour_seed: int) -> None:
     write_stage(path, asset.cycle_seconds, fill)
 
 
+def whole_turns(spin: Spin, cycle_seconds: float) -> int:
+    """Signed turns of a rotor in a cycle: the nearest whole number, at least one unless the rotor stands."""
+    if spin.hertz == 0:
+        return 0
+    return max(1, round(abs(spin.hertz) * cycle_seconds)) * (1 if spin.hertz > 0 else -1)
+
+
 def _spinner(stage: Usd.Stage, path: Sdf.Path, spin: Spin, asset: Asset) -> Sdf.Path:
     holder = UsdGeom.Xform.Define(stage, path)
     holder.AddTranslateOp().Set(Gf.Vec3d(*spin.hub))
     holder.AddOrientOp(UsdGeom.XformOp.PrecisionDouble).Set(_quaternion(frame_along(np.asarray(spin.axis, float))))
-    turns = max(1, round(abs(spin.hertz) * asset.cycle_seconds)) * (1 if spin.hertz >= 0 else -1)
+    turns = whole_turns(spin, asset.cycle_seconds)
     rotate = holder.AddRotateZOp(UsdGeom.XformOp.PrecisionDouble)
     rotate.Set(spin.phase_degrees, 0.0)
     rotate.Set(spin.phase_degrees + 360.0 * turns, asset.cycle_seconds * TIME_CODES_PER_SECOND)

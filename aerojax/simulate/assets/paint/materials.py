@@ -55,11 +55,11 @@ def bake_texture(path: Path, parts: tuple[Part, ...], seed: int) -> BakedTexture
     atlas = textures.lay_out(whole)
     texels = textures.texels_of(atlas)
     first = np.cumsum([0] + [len(part.mesh.faces) for part in parts])
-    corners = np.concatenate([_corner_values(part, parts) for part in parts])
+    corners = np.concatenate([corner_values(part, parts) for part in parts])
     srgb = np.empty((len(texels.face), 3))
     for number, part in enumerate(parts):
         chosen = np.flatnonzero((texels.face >= first[number]) & (texels.face < first[number + 1]))
-        surface = _surface(textures.interpolate(texels, corners, chosen))
+        surface = surface_at(textures.interpolate(texels, corners, chosen))
         srgb[chosen] = patterns.colours(paint, part.role, surface, plain=part.name in GLASS)
     image, linear = textures.compose(atlas, texels, srgb)
     target = path.with_suffix(".png")
@@ -69,8 +69,8 @@ def bake_texture(path: Path, parts: tuple[Part, ...], seed: int) -> BakedTexture
     return BakedTexture(tuple(PartTexture(st[p], linear[p]) for p in pieces), target.name, paint.palette.roughness)
 
 
-def _corner_values(part: Part, parts: tuple[Part, ...]) -> Float[np.ndarray, "face 3 8"]:
-    """What a `Surface` is made of, at the faces' corners: position, normal, along, across."""
+def corner_values(part: Part, parts: tuple[Part, ...]) -> Float[np.ndarray, "face 3 8"]:
+    """What a `Surface` is made of at the corners of a part of `parts`: position, normal, along, across."""
     points = part.mesh.points
     if part.spin is None:
         fixed = np.concatenate([p.mesh.points for p in parts if p.spin is None])
@@ -83,7 +83,8 @@ def _corner_values(part: Part, parts: tuple[Part, ...]) -> Float[np.ndarray, "fa
     return np.concatenate([values[..., :3], corner_normals(part.mesh).reshape(-1, 3, 3), values[..., 3:]], axis=2)
 
 
-def _surface(values: Float[np.ndarray, "sample 8"]) -> patterns.Surface:
+def surface_at(values: Float[np.ndarray, "sample 8"]) -> patterns.Surface:
+    """Points of an asset from interpolated `corner_values`."""
     normal = values[:, 3:6]
     normal = normal / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-9)
     return patterns.Surface(values[:, :3], normal, values[:, 6], values[:, 7].clip(0.0, 1.0))
