@@ -57,8 +57,9 @@ def last_frames(windows: Windows) -> Windows:
     """The last real frame of every window as a window of its own."""
     each = np.arange(len(windows.label))
     last = windows.present.shape[1] - 1 - np.argmax(windows.present[:, ::-1], axis=1)
-    columns, present = windows.columns[each, last][:, None], windows.present[each, last][:, None]
-    return replace(windows, columns=columns, present=present)
+    names = ("columns", "present", "crops", "crop_valid")
+    values = {name: getattr(windows, name) for name in names}
+    return replace(windows, **{n: v[each, last][:, None] for n, v in values.items() if v is not None})
 
 
 def _accuracy_of_last_frames(classifier: Classifier, test: Windows) -> float:

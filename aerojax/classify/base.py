@@ -1,4 +1,4 @@
-"""The door of stage 3: a classifier takes the Gaussians of one frame after the other and gives logits after each."""
+"""The door of stage 3: a classifier takes what was seen in one frame after the other and gives logits after each."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card, Settings, TrainRotation, flat_settings
 from aerojax.core.config import to_mapping
-from aerojax.core.types import CLASSES, Gaussians
+from aerojax.core.types import CLASSES, Crops, Evidence
 
 State = Any
 """A pytree of a size that does not grow, which only the classifier that made it understands."""
@@ -25,6 +25,11 @@ class Classifier(Protocol):
     All logits are logarithms of class probabilities: those of `card.token_ensembles` disjoint subsets of the tokens,
     averaged. Gaussians are in metres, world frame, in random order within a frame.
     """
+
+    @property
+    def reads_crops(self) -> bool:
+        """Whether the answer depends on the crops."""
+        ...
 
     @property
     def card(self) -> Card:
@@ -40,11 +45,11 @@ class Classifier(Protocol):
         """The state before the first frame."""
         ...
 
-    def step(self, gaussians: Gaussians, valid: Bool[Array, ""], state: State) -> tuple[Float[Array, "label"], State]:
+    def step(self, seen: Evidence, valid: Bool[Array, ""], state: State) -> tuple[Float[Array, "label"], State]:
         """Logits after one more frame, in time and memory that do not grow.
 
         Args:
-            gaussians: of one frame; as many in every frame of a stream.
+            seen: of one frame; as many Gaussians and crops in every frame of a stream.
             valid: False leaves the state, and so the logits, as they were.
             state: from `initial` or the last step.
 
@@ -53,13 +58,13 @@ class Classifier(Protocol):
         """
         ...
 
-    def clip(self, gaussians: Gaussians, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+    def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
         """Logits after each frame of a clip; the last row is the answer.
 
         Equal to the fold of `step` for causal classifiers. Time and memory grow linearly with the frames.
 
         Args:
-            gaussians: leading axis time.
+            seen: leading axis time.
             valid: frames that count.
         """
         ...
@@ -82,16 +87,26 @@ class Trainable(Classifier, Protocol):
         self,
         columns: Float[Array, "time token 14"],
         mask: Bool[Array, "time token"],
-        *,
-        key: Key[Array, ""] | None = None,
+        crops: Crops | None = None,
     ) -> Float[Array, "label"]:
         """The network's own logits of one clip of prepared tokens, without ensembles.
 
         Args:
             columns: attributes as `Gaussians.columns` orders them, after `prepare`.
-            mask: valid tokens.
-            key: turns on dropout.
+            mask: valid tokens; a frame without any counts for nothing.
+            crops: leading axis time.
         """
+        ...
+
+    def training_logits(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        crops: Crops | None,
+        *,
+        key: Key[Array, ""],
+    ) -> Float[Array, "head label"]:
+        """Logits with dropout of every head that is to learn, the answer's first; arguments as in `logits`."""
         ...
 
 

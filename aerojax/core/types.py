@@ -1,8 +1,8 @@
 """Values that cross a stage border, in the order in which a frame meets them.
 
-FrameSet → Silhouette → Track → Observation (with its View) → Gaussians. What JAX computes with (Camera, View,
-Gaussians) is a frozen dataclass and a pytree: batches are made by `jax.vmap` or by a leading axis on every array, and
-the shapes below are those of one example. The others are host values.
+FrameSet → Silhouette → Track → Observation (with its View) → Gaussians → Evidence. What JAX computes with (Camera,
+View, Gaussians, Crops, Evidence) is a frozen dataclass and a pytree: batches are made by `jax.vmap` or by a leading
+axis on every array, and the shapes below are those of one example. The others are host values.
 """
 
 from __future__ import annotations
@@ -204,6 +204,30 @@ class Gaussians:
             opacity=columns[..., 10],
             sh=columns[..., None, 11:14],
         )
+
+
+@pytree_dataclass
+class Crops:
+    """Small images of the object from every camera: what a classifier of views reads.
+
+    rgba: sRGB times coverage, and coverage, 0..1; whatever it holds where the camera does not count.
+    valid: cameras that count.
+    """
+
+    rgba: Float[Array, "*batch view size size 4"]
+    valid: Bool[Array, "*batch view"]
+
+
+@pytree_dataclass
+class Evidence:
+    """What a classifier is given of one object in one frame.
+
+    gaussians: its reconstruction, metres.
+    crops: its images; None where there are none, as in clips of Gaussians alone.
+    """
+
+    gaussians: Gaussians
+    crops: Crops | None = None
 
 
 SH_C0 = 0.28209479177387814

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int
+from jaxtyping import Bool, Float32, Int, UInt8
 
 from aerojax.core.errors import UserError
-from aerojax.data.clips import clip_files, load_clips
+from aerojax.data.clips import clip_files, join_clips, load_clips
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,7 @@ class Windows:
     name: of the window, `rig/split/sequence@start`.
     video: index of the window's video; videos are numbered by their order.
     identity: of the window's object.
+    crops, crop_valid: as in `ClipSet`; None where no clip has any.
     """
 
     columns: Float32[np.ndarray, "window time token 14"]
@@ -28,6 +29,8 @@ class Windows:
     video: Int[np.ndarray, "window"]
     name: tuple[str, ...]
     identity: tuple[str, ...]
+    crops: UInt8[np.ndarray, "window time view size size 4"] | None = None
+    crop_valid: Bool[np.ndarray, "window time view"] | None = None
 
     def one_a_video(self) -> np.ndarray:
         """Index of the first window of every video."""
@@ -38,7 +41,9 @@ class Windows:
         first = self.one_a_video()
         chosen = first[np.unique(np.linspace(0, len(first) - 1, count).round().astype(int))]
         arrays = (self.columns[chosen], self.present[chosen], self.label[chosen], np.arange(len(chosen)))
-        return Windows(*arrays, tuple(self.name[i] for i in chosen), tuple(self.identity[i] for i in chosen))
+        names = tuple(self.name[i] for i in chosen), tuple(self.identity[i] for i in chosen)
+        crops = None if self.crops is None else self.crops[chosen]
+        return Windows(*arrays, *names, crops, None if self.crop_valid is None else self.crop_valid[chosen])
 
 
 def window_starts(frames: int, length: int, stride: int, *, dilation: int = 1, cover: bool = True) -> list[int]:
@@ -78,19 +83,26 @@ def read_windows(folders: Sequence[Path], split: str, *, frames: int, length: in
         stride: between starts.
         tokens: of a frame that are kept, the first ones (they lie in random order).
     """
-    columns, present, label, video, name, identity = [], [], [], [], [], []
-    videos = 0
-    for folder in folders:
-        clips = load_clips(folder / split, frames=max(frames, length))
-        stems = [path.stem for path in clip_files(folder / split)]
-        for index, stem in enumerate(stems):
-            for start in window_starts(max(int(clips.present[index].sum()), 1), length, stride):
-                columns.append(clips.columns[index, start : start + length, :tokens])
-                present.append(clips.present[index, start : start + length])
-                label.append(clips.label[index])
-                video.append(videos)
-                name.append(f"{folder.name}/{split}/{stem}@{start}")
-                identity.append(clips.identity[index])
-            videos += 1
-    stacked = np.stack(columns), np.stack(present), np.array(label), np.array(video)
-    return Windows(*stacked, tuple(name), tuple(identity))
+    sets = [load_clips(folder / split, frames=max(frames, length)) for folder in folders]
+    stems = [(folder.name, path.stem) for folder in folders for path in clip_files(folder / split)]
+    clips = join_clips(sets)
+    where = [
+        (index, start)
+        for index, present in enumerate(clips.present)
+        for start in window_starts(max(int(present.sum()), 1), length, stride)
+    ]
+
+    def cut(values: np.ndarray) -> np.ndarray:
+        return np.stack([values[index, start : start + length] for index, start in where])
+
+    video = np.array([index for index, _ in where])
+    return Windows(
+        cut(clips.columns)[:, :, :tokens],
+        cut(clips.present),
+        clips.label[video],
+        video,
+        tuple(f"{stems[index][0]}/{split}/{stems[index][1]}@{start}" for index, start in where),
+        tuple(clips.identity[index] for index in video),
+        None if clips.crops is None else cut(clips.crops),
+        None if clips.crop_valid is None else cut(clips.crop_valid),
+    )

@@ -8,10 +8,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from aerojax.classify.base import Classifier, with_card
-from aerojax.core.types import Gaussians
+from aerojax.core.errors import UserError
+from aerojax.core.types import Crops, Evidence, Gaussians
 from aerojax.data.clips import ClipSet, join_clips, load_clips
 from aerojax.data.windows import Windows
 from aerojax.evaluate.labels import label_figures
@@ -30,19 +31,47 @@ def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
     return join_clips([load_clips(folder / split, frames=frames) for folder in folders])
 
 
+def crops_from_bytes(
+    crops: UInt8[Array, "*batch size size 4"], valid: Bool[Array, "*batch"], kind: Any = jnp.float32
+) -> Crops:
+    """Crops of a `ClipSet` as a classifier reads them."""
+    return Crops(jnp.asarray(crops).astype(kind) / 255, jnp.asarray(valid))
+
+
+def evidence(
+    columns: Float[Array, "time token 14"], crops: tuple[UInt8[Array, "time view size size 4"], Array] | None
+) -> Evidence:
+    """One clip of a `ClipSet` or of `Windows` as a classifier reads it; `crops` are bytes and which views count."""
+    return Evidence(Gaussians.from_columns(columns), None if crops is None else crops_from_bytes(*crops))
+
+
 @jax.jit
-def _last_logits(
-    classifier: Classifier, columns: Float[Array, "clip time token 14"], present: Bool[Array, "clip time"]
-) -> Float[Array, "clip label"]:
-    return jax.vmap(lambda c, valid: classifier.clip(Gaussians.from_columns(c), valid)[-1])(columns, present)
+def _last_logits(classifier: Classifier, columns: Array, present: Array, crops: Any) -> Float[Array, "clip label"]:
+    return jax.vmap(lambda c, valid, views: classifier.clip(evidence(c, views), valid)[-1])(columns, present, crops)
+
+
+def crops_read(
+    classifier: Classifier, clips: ClipSet | Windows
+) -> tuple[UInt8[np.ndarray, "clip time view size size 4"], Bool[np.ndarray, "clip time view"]] | None:
+    """The crops of clips where the classifier reads any, else None.
+
+    Raises:
+        UserError: it reads crops and the clips have none.
+    """
+    if not classifier.reads_crops:
+        return None
+    if clips.crops is None or clips.crop_valid is None:
+        problem = f"the classifier {classifier.card.name!r} reads crops and the clips have none"
+        raise UserError("missing", problem, "make them again with experiments.generate_clips or reconstruct_dataset")
+    return clips.crops, clips.crop_valid
 
 
 def log_probabilities(classifier: Classifier, clips: ClipSet) -> Float[np.ndarray, "clip label"]:
     """Of whole clips, by as many token ensembles as the classifier's card says."""
-    parts = []
+    parts, arrays = [], (clips.columns, clips.present, crops_read(classifier, clips))
     for start in range(0, len(clips.label), BATCH):
         index = np.arange(start, start + BATCH) % len(clips.label)  # one shape, one compilation
-        parts.append(_last_logits(classifier, jnp.asarray(clips.columns[index]), jnp.asarray(clips.present[index])))
+        parts.append(_last_logits(classifier, *jax.tree.map(lambda a, i=index: jnp.asarray(a[i]), arrays)))
     return np.maximum(np.concatenate(parts)[: len(clips.label)], LOWEST)
 
 
@@ -70,13 +99,14 @@ def split_figures(
 
 @jax.jit
 def _prefix_logits(
-    classifier: Classifier, columns: Array, present: Array, quaternion: Array, order: Array
+    classifier: Classifier, columns: Array, present: Array, quaternion: Array, order: Array, crops: Any
 ) -> Float[Array, "window time label"]:
-    def one(clip: tuple[Array, ...]) -> Array:
-        columns, present, quaternion, order = clip
-        return classifier.clip(Gaussians.from_columns(rotate_clip(columns, quaternion)[order]), present[order])
+    def one(clip: tuple[Any, ...]) -> Array:
+        columns, present, quaternion, order, crops = clip
+        shuffled = jax.tree.map(lambda leaf: leaf[order], (rotate_clip(columns, quaternion), crops))
+        return classifier.clip(evidence(*shuffled), present[order])
 
-    return jax.lax.map(one, (columns, present, quaternion, order), batch_size=16)
+    return jax.lax.map(one, (columns, present, quaternion, order, crops), batch_size=16)
 
 
 def prefix_log_probabilities(
@@ -86,11 +116,14 @@ def prefix_log_probabilities(
     *,
     order: Int[np.ndarray, "window time"] | None = None,
 ) -> Float[np.ndarray, "window time label"]:
-    """After each frame of every window, its frames turned and then put into `order`."""
+    """After each frame of every window, its frames turned and then put into `order`.
+
+    Crops stay as they are: cameras that turn with the world see the same.
+    """
     if order is None:
         order = np.tile(np.arange(windows.present.shape[1]), (len(windows.label), 1))
-    arrays = windows.columns, windows.present, quaternion.astype(np.float32), order
-    return np.maximum(np.asarray(_prefix_logits(classifier, *map(jnp.asarray, arrays))), LOWEST)
+    arrays = windows.columns, windows.present, quaternion.astype(np.float32), order, crops_read(classifier, windows)
+    return np.maximum(np.asarray(_prefix_logits(classifier, *jax.tree.map(jnp.asarray, arrays))), LOWEST)
 
 
 def shuffled_orders(windows: Windows, *, seed: int) -> Int[np.ndarray, "window time"]:

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from aerojax.classify.base import Trainable
+from aerojax.core.types import Crops
 from aerojax.data.windows import Windows
+from aerojax.evaluate.answers import crops_from_bytes, crops_read
 from aerojax.evaluate.drift import axis_relabellings, drift_figures, relabel_axes
 from aerojax.evaluate.rotations import draw_rotations, rotate_clip
 
@@ -20,14 +22,21 @@ Change = Literal["rotation", "relabelling"]
 
 @partial(jax.jit, static_argnames=("change",))
 def _logits(
-    classifier: Trainable, columns: Array, mask: Array, clip: Array, changes: tuple[Array, ...], change: Change
+    classifier: Trainable,
+    columns: Array,
+    mask: Array,
+    crops: Any,
+    clip: Array,
+    changes: tuple[Array, ...],
+    change: Change,
 ) -> Float[Array, "pass label"]:
     """Logits of clip `clip[i]` after change `i`."""
 
     def one(inputs: tuple[Array, tuple[Array, ...]]) -> Array:
         index, what = inputs
         changed = (rotate_clip if change == "rotation" else relabel_axes)(columns[index], *what)
-        return classifier.logits(classifier.prepare(changed), mask[index])
+        views = jax.tree.map(lambda leaf: leaf[index], crops)
+        return classifier.logits(classifier.prepare(changed), mask[index], views)
 
     return jax.lax.map(one, (clip, changes), batch_size=16)
 
@@ -39,7 +48,9 @@ def _ask(classifier: Trainable, windows: Windows, changes: tuple[np.ndarray, ...
     columns = jnp.asarray(windows.columns, kind)
     mask = jnp.broadcast_to(jnp.asarray(windows.present)[..., None], columns.shape[:3])
     flat = tuple(jnp.asarray(c.reshape(-1, *c.shape[2:])) for c in changes)
-    found = _logits(classifier, columns, mask, jnp.tile(jnp.arange(clips), passes), flat, change)
+    found = _logits(
+        classifier, columns, mask, _crops(classifier, windows), jnp.tile(jnp.arange(clips), passes), flat, change
+    )
     return np.asarray(found).reshape(passes, clips, -1)
 
 
@@ -51,18 +62,23 @@ def _drift(classifier: Trainable, windows: Windows, changes: tuple[np.ndarray, .
 
 
 @jax.jit
-def _plain(classifier: Trainable, columns: Array, mask: Array) -> Float[Array, "clip label"]:
-    def one(clip: tuple[Array, Array]) -> Array:
-        columns, mask = clip
-        return classifier.logits(classifier.prepare(columns), mask)
+def _plain(classifier: Trainable, columns: Array, mask: Array, crops: Any) -> Float[Array, "clip label"]:
+    def one(clip: tuple[Any, ...]) -> Array:
+        columns, mask, crops = clip
+        return classifier.logits(classifier.prepare(columns), mask, crops)
 
-    return jax.lax.map(one, (columns, mask), batch_size=16)
+    return jax.lax.map(one, (columns, mask, crops), batch_size=16)
+
+
+def _crops(classifier: Trainable, windows: Windows) -> Crops | None:
+    found = crops_read(classifier, windows)
+    return None if found is None else crops_from_bytes(*found, kind=jax.tree.leaves(classifier)[0].dtype)
 
 
 def _original(classifier: Trainable, windows: Windows) -> np.ndarray:
     columns = jnp.asarray(windows.columns, jnp.result_type(jax.tree.leaves(classifier)[0]))
     mask = jnp.broadcast_to(jnp.asarray(windows.present)[..., None], columns.shape[:3])
-    return np.asarray(_plain(classifier, columns, mask))
+    return np.asarray(_plain(classifier, columns, mask, _crops(classifier, windows)))
 
 
 def rotation_drift(

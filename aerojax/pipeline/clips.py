@@ -17,10 +17,10 @@ from aerojax.core.config import to_dataclass, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
 from aerojax.core.workers import run_jobs
-from aerojax.data.clips import RECORD, clip_files, save_clip
+from aerojax.data.clips import RECORD, Fact, clip_files, crop_bytes, save_clip
 from aerojax.data.manifest import read_datasets
 from aerojax.pipeline.config import PipelineConfig, clip_settings
-from aerojax.pipeline.offline import reconstruct_capture
+from aerojax.pipeline.offline import Clip, reconstruct_capture
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,7 @@ class MadeClips:
 @dataclass(frozen=True)
 class _Job:
     capture: Path
+    rig: str
     label: str
     identity: str
     config: ClipsConfig
@@ -79,7 +80,7 @@ def make_clips(
             configuration.
     """
     everything = [
-        _Job(s.folder, s.label, s.identity, config, folder / s.rig / s.split / f"{s.name}.npz")
+        _Job(s.folder, s.rig, s.label, s.identity, config, folder / s.rig / s.split / f"{s.name}.npz")
         for s in read_datasets(datasets).sequences
     ]
     jobs = [job for job in everything if any(fnmatch(job.path.stem, pattern) for pattern in only)]
@@ -100,6 +101,19 @@ def make_clips(
     return MadeClips({place: len(clip_files(folder / place)) for place in places}, tuple(sorted(unusable)))
 
 
+def _facts(job: _Job, clip: Clip) -> dict[str, Fact]:
+    """What evaluation groups clips by."""
+    seen = [
+        (max(box[2] - box[0], box[3] - box[1]), float(np.linalg.norm(pose[:3, 3])))
+        for one in clip.observations
+        for box, use, pose in zip(one.boxes, one.valid, np.asarray(one.views.camera.world_from_cam), strict=True)
+        if use and box is not None
+    ]
+    width, distance = np.median(np.array(seen), axis=0)
+    views = len(clip.observations[0].valid)
+    return {"rig": job.rig, "cameras": views, "width_px": float(width), "distance_m": float(distance)}
+
+
 def settings_of(folder: Path) -> Settings:
     """The pipeline's settings that the clips of a folder, or of one rig in it, came from; () where they are not known.
 
@@ -118,11 +132,15 @@ def _make_clip(job: _Job) -> str | None:
     """Reconstruct the first object of a sequence and save its clip; its name instead where no frame was usable."""
     key = jax.random.key(number_of(job.config.seed, job.path.stem) % 2**31)
     try:
-        clip = reconstruct_capture(read_capture(job.capture), job.config.pipeline, key=key, object_id=1)
+        clip = reconstruct_capture(
+            read_capture(job.capture), job.config.pipeline, key=key, object_id=1, keep_observations=True
+        )
     except UserError as error:
         if error.code not in ("no-usable-frames", "object-absent"):
             raise
         return job.path.stem
     columns = np.asarray(clip.in_world().columns())[:, : job.config.tokens]
-    save_clip(job.path, columns, job.label, job.identity)
+    crops = clip.seen.crops
+    rgba, valid = (None, None) if crops is None else (crop_bytes(np.asarray(crops.rgba)), np.asarray(crops.valid))
+    save_clip(job.path, columns, job.label, job.identity, crops=rgba, crop_valid=valid, facts=_facts(job, clip))
     return None

@@ -21,6 +21,7 @@ class PipelineConfig:
 
     segment, track, reconstruct: the members of the stages, by name.
     crop_size: side of the virtual-camera crops, pixels.
+    view_size: side of the smaller crops that classifiers of views read, pixels.
     min_views: cameras that must show the whole object; a frame with fewer is dropped.
     decimation: from the reconstructor's Gaussians to the classifier's.
     lost_after: frames without an object after which it is lost; it appears anew when it comes again.
@@ -30,15 +31,17 @@ class PipelineConfig:
     track: TrackerConfig = field(default_factory=SingleConfig)
     reconstruct: ReconstructorConfig = field(default_factory=HullConfig)
     crop_size: int = 128
+    view_size: int = 32
     min_views: int = 3
     decimation: DecimationConfig = field(default_factory=DecimationConfig)
     lost_after: int = 90
 
 
 def clip_settings(config: PipelineConfig) -> dict[str, Setting]:
-    """What decides how the Gaussians look that a classifier gets, by dotted key: what its card remembers."""
+    """What decides how the Gaussians and crops look that a classifier gets, by dotted key: what its card remembers."""
     chosen = {
         "crop_size": config.crop_size,
+        "view_size": config.view_size,
         "reconstruct": to_mapping(config.reconstruct),
         "decimation": to_mapping(config.decimation),
     }

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from aerojax.core.types import Gaussians, Observation
+from aerojax.core.types import Evidence, Gaussians, Observation
 
 DropCode = Literal["too-few-views", "silhouettes-disjoint"]
 """Why an object of a frame could not be used:
@@ -32,16 +32,22 @@ class Updated:
 
     position: of its centre, metres, world frame.
     observation: what was cut out; None where images are not kept.
-    gaussians: decimated, metres, rig frame; `observation.world_from_rig` takes them to the world.
+    seen: the decimated Gaussians, metres, rig frame (`observation.world_from_rig` takes them to the world), and the
+        crops that classifiers of views read.
     log_probabilities: of the classes, from all frames so far; None where frames cannot be classified one by one.
     """
 
     frame: int
     track: int
     position: Float64[np.ndarray, "3"]
-    gaussians: Gaussians
+    seen: Evidence
     observation: Observation | None
     log_probabilities: Float32[np.ndarray, "label"] | None
+
+    @property
+    def gaussians(self) -> Gaussians:
+        """Those of what was seen."""
+        return self.seen.gaussians
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_frames
 from aerojax.classify.base import Classifier
 from aerojax.core.errors import UserError
-from aerojax.core.types import FrameSet, Gaussians, Observation
+from aerojax.core.types import Evidence, FrameSet, Gaussians, Observation
 from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.events import Dropped, Updated
@@ -30,7 +30,7 @@ Progress = Callable[[int, int, str], None]
 class Clip:
     """One object of a capture in every usable frame.
 
-    gaussians: rig frame, metres, leading axis time. world_from_rig: rigid transform to the world.
+    seen: Gaussians (rig frame, metres) and crops, leading axis time. world_from_rig: rigid transform to the world.
     frames: numbers in the capture.
     position: centres, metres, world.
     log_probabilities: of the classes after each frame; None without a classifier.
@@ -39,7 +39,7 @@ class Clip:
     observations: what was seen in each frame (kept only on request).
     """
 
-    gaussians: Gaussians
+    seen: Evidence
     world_from_rig: Float64[np.ndarray, "4 4"]
     frames: tuple[int, ...]
     position: Float64[np.ndarray, "time 3"]
@@ -47,6 +47,11 @@ class Clip:
     dropped: tuple[Dropped, ...]
     latency_ms: dict[str, float]
     observations: tuple[Observation, ...] = ()
+
+    @property
+    def gaussians(self) -> Gaussians:
+        """Those of what was seen."""
+        return self.seen.gaussians
 
     def in_world(self) -> Gaussians:
         """The Gaussians in the world's frame, metres; 32-bit floats lose digits far from its origin."""
@@ -99,13 +104,13 @@ def reconstruct_capture(
             "give frames in which more cameras see the whole object",
         )
     kept = max(updates.values(), key=len)
-    gaussians = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.gaussians for event in kept))
+    seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.seen for event in kept))
     return Clip(
-        gaussians=gaussians,
+        seen=seen,
         world_from_rig=pipeline.world_from_rig,
         frames=tuple(event.frame for event in kept),
         position=np.stack([event.position for event in kept]),
-        log_probabilities=_log_probabilities(pipeline, kept, gaussians),
+        log_probabilities=_log_probabilities(pipeline, kept, seen),
         dropped=tuple(event for event in dropped if event.track in (None, kept[0].track)),
         latency_ms=pipeline.watch.medians(),
         observations=tuple(event.observation for event in kept if event.observation is not None),
@@ -147,13 +152,13 @@ def _read(capture: Capture, pipeline: Pipeline, progress: Progress | None) -> It
 
 
 @jax.jit
-def _clip(classifier: Classifier, gaussians: Gaussians, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
-    return classifier.clip(gaussians, valid)
+def _clip(classifier: Classifier, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+    return classifier.clip(seen, valid)
 
 
-def _log_probabilities(pipeline: Pipeline, kept: list[Updated], gaussians: Gaussians) -> np.ndarray | None:
+def _log_probabilities(pipeline: Pipeline, kept: list[Updated], seen: Evidence) -> np.ndarray | None:
     if pipeline.classifier is None:
         return None
     if pipeline.classifier.causal:
         return np.stack([event.log_probabilities for event in kept if event.log_probabilities is not None])
-    return np.asarray(_clip(pipeline.classifier, gaussians, jnp.ones(len(kept), bool)))
+    return np.asarray(_clip(pipeline.classifier, seen, jnp.ones(len(kept), bool)))

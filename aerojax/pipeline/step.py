@@ -18,12 +18,13 @@ from jaxtyping import Array, Bool, Float, Float64, Int, Key
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.classify.base import Classifier
-from aerojax.core.types import FrameSet, Gaussians, Observation, Track, View
+from aerojax.core.types import Crops, Evidence, FrameSet, Gaussians, Observation, Track, View
 from aerojax.gaussians.decimate import DecimationConfig, decimate
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, Updated
 from aerojax.pipeline.stopwatch import Stopwatch
 from aerojax.reconstruct.base import Reconstructor
+from aerojax.reconstruct.crop import small_crops
 from aerojax.reconstruct.observe import observe, usable
 from aerojax.segment.base import Preview, Segmenter
 from aerojax.track.base import Tracker
@@ -129,13 +130,19 @@ class Pipeline:
             shift = jnp.asarray(seen.rig_from_crop[:3, 3], jnp.float32)
             key = jax.random.fold_in(self.key, frames.frame)
             gaussians = jax.block_until_ready(_decimate(found, count, shift, key, self.config.decimation))
+        evidence = Evidence(gaussians, self._crops(seen))
         probabilities = None
         if self.classifier is not None and self.classifier.causal:
             with self.watch.stage("classify"):
-                logits, classify = jax.block_until_ready(_classify(self.classifier, gaussians, classify))
+                logits, classify = jax.block_until_ready(_classify(self.classifier, evidence, classify))
             probabilities = np.asarray(logits)
         position = seen.world_from_crop[:3, 3]
-        return Updated(frames.frame, track.number, position, gaussians, seen, probabilities), classify
+        return Updated(frames.frame, track.number, position, evidence, seen, probabilities), classify
+
+    def _crops(self, seen: Observation) -> Crops:
+        views = seen.views
+        rgba = small_crops(np.asarray(views.rgb), np.asarray(views.mask), size=self.config.view_size)
+        return Crops(jnp.asarray(rgba), jnp.asarray(seen.valid))
 
     def _unclassified(self) -> Any:
         return self.classifier.initial() if self.classifier is not None and self.classifier.causal else None
@@ -196,5 +203,5 @@ def _decimate(
 
 
 @jax.jit
-def _classify(classifier: Classifier, gaussians: Gaussians, state: Any) -> tuple[Float[Array, "label"], Any]:
-    return classifier.step(gaussians, jnp.ones((), bool), state)
+def _classify(classifier: Classifier, seen: Evidence, state: Any) -> tuple[Float[Array, "label"], Any]:
+    return classifier.step(seen, jnp.ones((), bool), state)

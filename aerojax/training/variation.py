@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Int, Key
 
 from aerojax.core.errors import UserError
-from aerojax.core.types import Gaussians
+from aerojax.core.types import Crops, Gaussians
 from aerojax.gaussians.rotate import rotate
 from aerojax.geometry.rotations import haar_rotation, rotation_about_z
 
@@ -93,6 +93,14 @@ def vary_clip(
     colour = colour + config.colour * jax.random.normal(offset, (1, 1, 3))
     clip = _scale(jnp.concatenate([mean, clip[..., 3:11], colour], axis=-1), config, key=size)
     return _rotate(clip, config, key=turn), real[:, None] & visible[None, :]
+
+
+def vary_crops(crops: Crops, present: Bool[Array, "time"], config: VariationConfig, *, key: Key[Array, ""]) -> Crops:
+    """The crops of the window that `vary_clip` takes with the same key."""
+    window = jax.random.split(key, 8)[0]
+    index, _ = _window(present, config, key=window)
+    index = jnp.minimum(index, present.shape[0] - 1)
+    return jax.tree.map(lambda leaf: leaf[index], crops)
 
 
 def _window(

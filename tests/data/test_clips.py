@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerojax.core.errors import UserError
-from aerojax.data.clips import clip_files, join_clips, load_clips, save_clip
+from aerojax.data.clips import VIEWS, clip_files, crop_bytes, join_clips, load_clips, save_clip
 from aerojax.data.windows import read_windows, window_starts
 
 
@@ -75,3 +75,37 @@ def test_sizes_of_windows_are_checked():
     assert window_starts(3, 4, 2) == [0] and window_starts(10, 4, 4) == [0, 4, 6]
     with pytest.raises(UserError, match="stride is 0"):
         window_starts(10, 4, 0)
+
+
+def test_crops_and_facts_are_kept(tmp_path):
+    rgba = np.random.default_rng(0).random((3, 5, 4, 4, 4)).astype(np.float32)
+    valid = np.array([[True, True, False, True, True]] * 3)
+    facts = {"rig": "sim1", "width_px": 31.5, "cameras": 5}
+    columns = np.ones((3, 2, 14))
+    save_clip(tmp_path / "a.npz", columns, "bird", "b", crops=crop_bytes(rgba), crop_valid=valid, facts=facts)
+    save_clip(tmp_path / "b.npz", columns, "drone", "d")
+    clips = load_clips(tmp_path, frames=4)
+    assert clips.crops.shape == (2, 4, VIEWS, 4, 4, 4) and clips.facts == (facts, {})
+    np.testing.assert_allclose(clips.crops[0, :3, :5] / 255.0, rgba, atol=0.5 / 255 + 1e-6)
+    np.testing.assert_array_equal(clips.crop_valid[0, :3, :5], valid)
+    assert not clips.crop_valid[0, 3:].any() and not clips.crop_valid[0, :, 5:].any() and not clips.crop_valid[1].any()
+    (one,) = (clips.take(np.array([1])),)
+    assert one.identity == ("d",) and one.crops.shape[0] == 1 and one.facts == ({},)
+    windows = read_windows([tmp_path.parent], tmp_path.name, frames=4, length=2, stride=1, tokens=2)
+    assert windows.crops.shape == (4, 2, VIEWS, 4, 4, 4)
+    np.testing.assert_array_equal(windows.crops[1], clips.crops[0, 1:3])
+
+
+def test_sets_with_and_without_crops_are_joined(tmp_path):
+    crops, valid = np.full((3, 2, 4, 4, 4), 7, np.uint8), np.ones((3, 2), bool)
+    save_clip(tmp_path / "a/x.npz", np.ones((3, 4, 14)), "bird", "b", crops=crops, crop_valid=valid)
+    save_clip(tmp_path / "b/x.npz", np.ones((3, 4, 14)), "bird", "c")
+    joined = join_clips([load_clips(tmp_path / name, frames=3) for name in "ab"])
+    assert joined.crops.shape == (2, 3, VIEWS, 4, 4, 4) and joined.crop_valid[0, :, :2].all()
+    assert not joined.crop_valid[1].any() and len(joined.facts) == 2
+    save_clip(tmp_path / "a/y.npz", np.ones((3, 4, 14)), "bird", "b", crops=crops[..., :2, :2, :], crop_valid=valid)
+    with pytest.raises(UserError, match=r"y\.npz has crops of 2 pixels, others of 4"):
+        load_clips(tmp_path / "a", frames=3)
+    with pytest.raises(UserError, match=r"z\.npz is not a clip"):
+        save_clip(tmp_path / "c/z.npz", np.ones((3, 4, 14)), "bird", "b", crops=crops, crop_valid=valid[:2])
+        load_clips(tmp_path / "c", frames=3)

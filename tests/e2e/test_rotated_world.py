@@ -16,7 +16,7 @@ from aerojax.capture.format import Capture, read_capture, rotate_world, write_ca
 from aerojax.capture.paths import frame_path
 from aerojax.classify.base import Classifier, with_card
 from aerojax.classify.load import load_classifier
-from aerojax.core.types import Gaussians
+from aerojax.core.types import Evidence, Gaussians
 from aerojax.gaussians.decimate import DecimationConfig
 from aerojax.gaussians.rotate import covariance, rotate
 from aerojax.pipeline.config import PipelineConfig
@@ -105,5 +105,5 @@ def test_the_check_can_fail(classifier):
     broken = columns.copy()
     broken[..., :3] = columns[..., :3] @ TURNS[0].T.astype(np.float32)
     real = jnp.ones(3, bool)
-    here, there = (classifier.clip(Gaussians.from_columns(jnp.asarray(c)), real) for c in (columns, broken))
+    here, there = (classifier.clip(Evidence(Gaussians.from_columns(jnp.asarray(c))), real) for c in (columns, broken))
     assert float(jnp.abs(jnp.exp(here) - jnp.exp(there)).max()) > 1e-5

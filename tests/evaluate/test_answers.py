@@ -11,7 +11,7 @@ from support.clip_examples import random_clip
 from aerojax.classify.base import untrained_card
 from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
-from aerojax.core.types import Gaussians, pytree_dataclass, static_field
+from aerojax.core.types import Evidence, pytree_dataclass, static_field
 from aerojax.data.clips import ClipSet, save_clip
 from aerojax.data.windows import Windows
 from aerojax.evaluate.answers import (
@@ -33,18 +33,22 @@ class Heights:
     card: Card = static_field()
 
     @property
+    def reads_crops(self):
+        return False
+
+    @property
     def causal(self):
         return True
 
     def initial(self):
         return jnp.zeros(3)
 
-    def step(self, gaussians, valid, state):
-        state = jnp.where(valid, gaussians.mean.mean(axis=0), state)
+    def step(self, seen, valid, state):
+        state = jnp.where(valid, seen.gaussians.mean.mean(axis=0), state)
         return jax.nn.log_softmax(jnp.append(state, -1e3)), state
 
-    def clip(self, gaussians: Gaussians, valid):
-        frames = (gaussians, valid)
+    def clip(self, seen: Evidence, valid):
+        frames = (seen, valid)
         return jax.lax.scan(lambda state, frame: self.step(*frame, state)[::-1], self.initial(), frames)[1]
 
 

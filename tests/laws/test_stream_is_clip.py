@@ -11,7 +11,7 @@ from support.clip_examples import random_clip, rotate_columns
 from aerojax.classify.base import Classifier, untrained
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.core.errors import UserError
-from aerojax.core.types import Gaussians
+from aerojax.core.types import Evidence, Gaussians
 from aerojax.geometry.rotations import haar_rotation
 
 SMALL = {"depth": 1, "mamba_layers": 2, "d_model": 16, "channels": 4, "token_features": 8, "token_invariants": 8}
@@ -49,7 +49,7 @@ def growing_clip(seed):
 
 @jax.jit
 def whole(classifier: Classifier, clip: Gaussians, valid):
-    return classifier.clip(clip, valid)
+    return classifier.clip(Evidence(clip), valid)
 
 
 @jax.jit
@@ -58,7 +58,7 @@ def fold(classifier: Classifier, clip: Gaussians, valid):
         logits, state = classifier.step(*frame, state)
         return state, logits
 
-    return jax.lax.scan(step, classifier.initial(), (clip, valid))[1]
+    return jax.lax.scan(step, classifier.initial(), (Evidence(clip), valid))[1]
 
 
 @pytest.mark.parametrize("name", CAUSAL)
@@ -96,7 +96,7 @@ def test_models_that_look_ahead_say_which_field_does(field):
     classifier, clip = classifier_of(AHEAD[field]), growing_clip(0)
     assert not classifier.causal
     with pytest.raises(UserError, match=f"{field} is .* in MambaSplatConfig") as error:
-        classifier.step(jax.tree.map(lambda leaf: leaf[0], clip), jnp.ones((), bool), classifier.initial())
+        classifier.step(Evidence(jax.tree.map(lambda leaf: leaf[0], clip)), jnp.ones((), bool), classifier.initial())
     assert error.value.code == "mismatch"
     assert not untrained(published_config(**SMALL_PUBLISHED), tokens=8, frames=4, key=jax.random.key(0)).causal
 
@@ -116,7 +116,7 @@ def test_a_running_stream_does_not_see_rotations():
 
 def test_a_frame_that_is_not_valid_leaves_the_state_alone():
     classifier, clip = classifier_of(CAUSAL["running"]), growing_clip(3)
-    first, second = (jax.tree.map(lambda leaf, t=t: leaf[t], clip) for t in (0, 1))
+    first, second = (Evidence(jax.tree.map(lambda leaf, t=t: leaf[t], clip)) for t in (0, 1))
     step = jax.jit(lambda *inputs: classifier.step(*inputs))
     before, state = step(first, jnp.ones((), bool), classifier.initial())
     logits, after = step(second, jnp.zeros((), bool), state)

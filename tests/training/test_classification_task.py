@@ -85,7 +85,8 @@ def test_the_published_preset_is_the_released_recipe():
 def test_an_epoch_reads_whole_batches_in_the_epoch_s_order():
     task = ClipTask(CLIPS, CLIPS, VariationConfig(), TrainingConfig(batch=4), 0)
     assert task.steps_per_epoch == 1
-    ((columns, present, label),) = task.batches(3)
+    ((columns, present, label, crops),) = task.batches(3)
+    assert crops is None
     assert columns.shape == (4, 3, 8, 14) and present.shape == (4, 3)
     for clip, number in zip(columns, label, strict=True):
         assert any(np.array_equal(clip, c) and number == n for c, n in zip(CLIPS.columns, CLIPS.label, strict=True))

@@ -11,7 +11,7 @@ from aerojax.classify.ensembles import log_mean_probability, token_ensembles
 from aerojax.classify.mambasplat.model import MambaSplat, StreamState
 from aerojax.classify.released.normalisation import normalise_published
 from aerojax.core.errors import UserError
-from aerojax.core.types import Gaussians, pytree_dataclass, static_field
+from aerojax.core.types import Crops, Evidence, Gaussians, pytree_dataclass, static_field
 
 
 @pytree_dataclass
@@ -20,6 +20,11 @@ class MambaSplatClassifier:
 
     network: MambaSplat
     card: Card = static_field()
+
+    @property
+    def reads_crops(self) -> bool:
+        """Never."""
+        return False
 
     @property
     def causal(self) -> bool:
@@ -34,11 +39,21 @@ class MambaSplatClassifier:
         self,
         columns: Float[Array, "time token 14"],
         mask: Bool[Array, "time token"],
-        *,
-        key: Key[Array, ""] | None = None,
+        crops: Crops | None = None,
     ) -> Float[Array, "label"]:
-        """The network's logits of one clip of prepared tokens; `key` turns on dropout."""
-        return self.network(columns, mask, key=key)
+        """The network's logits of one clip of prepared tokens."""
+        return self.network(columns, mask)
+
+    def training_logits(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        crops: Crops | None,
+        *,
+        key: Key[Array, ""],
+    ) -> Float[Array, "head label"]:
+        """The same of its only head, with dropout."""
+        return self.network(columns, mask, key=key)[None]
 
     def initial(self) -> StreamState:
         """The network's state before the first frame, once for each ensemble."""
@@ -46,7 +61,7 @@ class MambaSplatClassifier:
         return jax.tree.map(lambda leaf: jnp.stack([leaf] * self.card.token_ensembles), state)
 
     def step(
-        self, gaussians: Gaussians, valid: Bool[Array, ""], state: StreamState
+        self, seen: Evidence, valid: Bool[Array, ""], state: StreamState
     ) -> tuple[Float[Array, "label"], StreamState]:
         """Logits after one more frame.
 
@@ -55,7 +70,7 @@ class MambaSplatClassifier:
         """
         if (problem := self.network.config.looks_ahead) is not None:
             raise UserError("mismatch", f"{problem} in MambaSplatConfig: such a model reads whole clips alone")
-        subsets = self._subsets(gaussians)
+        subsets = self._subsets(seen.gaussians)
         count, mask = subsets.shape[0], jnp.broadcast_to(valid, subsets.shape[1:2])
         used = jax.tree.map(lambda leaf: leaf[:count], state)
         logits, following = jax.vmap(lambda columns, state: self.network.step(columns, mask, state))(subsets, used)
@@ -63,13 +78,13 @@ class MambaSplatClassifier:
         state = jax.tree.map(lambda new, old: jnp.concatenate([new, old[count:]]), following, state)
         return log_mean_probability(logits), state
 
-    def clip(self, gaussians: Gaussians, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+    def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
         """Logits after each frame; a model that looks ahead sees the whole clip's scale in each of them."""
 
         def read(columns: Float[Array, "time token 14"]) -> Float[Array, "time label"]:
             return self.network.prefixes(columns, jnp.broadcast_to(valid[:, None], columns.shape[:2]))
 
-        return log_mean_probability(jax.vmap(read)(self._subsets(gaussians)))
+        return log_mean_probability(jax.vmap(read)(self._subsets(seen.gaussians)))
 
     def _subsets(self, gaussians: Gaussians) -> Float[Array, "ensemble *time token 14"]:
         return token_ensembles(self.prepare(gaussians.columns()), self.card.tokens, self.card.token_ensembles)

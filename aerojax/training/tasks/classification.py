@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,40 +13,52 @@ from jaxtyping import Array, Float, Key
 
 from aerojax.classify.base import Classifier, ClassifierConfig, Settings, Trainable, untrained, with_card
 from aerojax.data.clips import ClipSet
-from aerojax.evaluate.answers import TEST_ENSEMBLES, log_probabilities
+from aerojax.evaluate.answers import TEST_ENSEMBLES, crops_from_bytes, crops_read, log_probabilities
 from aerojax.evaluate.labels import label_figures
 from aerojax.training.distribution import own_share
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
-from aerojax.training.variation import VariationConfig, epoch_order, vary_clip
+from aerojax.training.variation import VariationConfig, epoch_order, vary_clip, vary_crops
 
 
 @dataclass(frozen=True)
 class ClipTask:
-    """The clips of a run and how they are drawn."""
+    """The clips of a run and how they are drawn; `crops` tells whether the classifier reads their crops."""
 
     train: ClipSet
     val: ClipSet
     variation: VariationConfig
     training: TrainingConfig
     seed: int
+    crops: bool = False
 
     def loss(self, classifier: Trainable, batch: Any, keys: Key[Array, "clip"]) -> Float[Array, ""]:
-        """Mean smoothed cross entropy of prepared and varied clips; batch = (columns, present, label)."""
+        """Mean smoothed cross entropy of prepared and varied clips, over all heads that learn.
 
-        def logits(columns: Array, present: Array, key: Array) -> Array:
+        Args:
+            classifier: which learns.
+            batch: (columns, present, label, crops as bytes and which views count, or None).
+            keys: one a clip.
+        """
+
+        def logits(columns: Array, present: Array, crops: Any, key: Array) -> Array:
             vary, drop = jax.random.split(key)
             clip, mask = vary_clip(classifier.prepare(columns), present, self.variation, key=vary)
-            return classifier.logits(clip, mask, key=drop)
+            seen = None if crops is None else vary_crops(crops_from_bytes(*crops), present, self.variation, key=vary)
+            return classifier.training_logits(clip, mask, seen, key=drop)
 
-        columns, present, label = batch
-        found = jax.vmap(logits)(columns, present, keys)
-        return jnp.mean(smoothed_cross_entropy(found, label, self.training.label_smoothing))
+        columns, present, label, crops = batch
+        found = jax.vmap(logits)(columns, present, crops, keys)
+        return jnp.mean(smoothed_cross_entropy(found, label[:, None], self.training.label_smoothing))
 
     def batches(self, epoch: int) -> Iterator[Any]:
         """This process' share of each batch of an epoch."""
-        for index in epoch_order(len(self.train.label), self.training.batch, seed=self.seed, epoch=epoch):
+        clips = self.train
+        for index in epoch_order(len(clips.label), self.training.batch, seed=self.seed, epoch=epoch):
             share = own_share(index)
-            yield self.train.columns[share], self.train.present[share], self.train.label[share]
+            crops = None
+            if self.crops and clips.crops is not None and clips.crop_valid is not None:
+                crops = clips.crops[share], clips.crop_valid[share]
+            yield clips.columns[share], clips.present[share], clips.label[share], crops
 
     def validate(self, classifier: Classifier) -> dict[str, float]:
         """Figures of whole validation clips, each frame read by its first tokens alone."""
@@ -96,5 +108,8 @@ def train_classifier(
         rotation=task.variation.rotation,
         settings=settings,
     )
+    if classifier.reads_crops:
+        crops_read(classifier, task.train)
+        task = replace(task, crops=True)
     todo = Fit(task.loss, task.batches, task.steps_per_epoch, task.validate, report, watch)
     return fit(classifier, todo, task.training, seed=task.seed, directory=directory)

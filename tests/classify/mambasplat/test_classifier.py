@@ -11,7 +11,7 @@ from support.clip_examples import random_clip
 from aerojax.classify.base import Classifier, Trainable, untrained, with_card
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.classify.released.normalisation import normalise_published
-from aerojax.core.types import Gaussians
+from aerojax.core.types import Evidence, Gaussians
 
 TINY = {"depth": 1, "mamba_layers": 2, "d_model": 16, "channels": 4}
 CONFIGS = {
@@ -31,7 +31,7 @@ def classifier_of(name, **card):
 
 @jax.jit
 def read(classifier, columns, valid):
-    return classifier.clip(Gaussians.from_columns(columns), valid)
+    return classifier.clip(Evidence(Gaussians.from_columns(columns)), valid)
 
 
 @jax.jit
@@ -79,9 +79,9 @@ def test_it_is_a_classifier_and_can_be_trained_batched_and_differentiated():
     assert isinstance(classifier, Classifier) and isinstance(classifier, Trainable)
     clips = jnp.stack([random_clip(seed, time=TIME, tokens=TOKENS) for seed in (4, 5)])
     valid = jnp.asarray(np.stack([VALID, ~VALID]))
-    together = jax.jit(jax.vmap(lambda c, v: classifier.clip(Gaussians.from_columns(c), v)))(clips, valid)
+    together = jax.jit(jax.vmap(lambda c, v: classifier.clip(Evidence(Gaussians.from_columns(c)), v)))(clips, valid)
     for row, clip, mask in zip(together, clips, valid, strict=True):
         np.testing.assert_allclose(row, read(classifier, clip, mask), atol=1e-5)
-    slope = jax.jit(jax.grad(lambda c: c.clip(Gaussians.from_columns(clips[0]), valid[0])[-1, 0]))(classifier)
+    slope = jax.jit(jax.grad(lambda c: c.clip(Evidence(Gaussians.from_columns(clips[0])), valid[0])[-1, 0]))(classifier)
     assert jax.tree.structure(slope) == jax.tree.structure(classifier)
     assert all(bool(jnp.isfinite(leaf).all()) for leaf in jax.tree.leaves(slope))
