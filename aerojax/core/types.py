@@ -86,6 +86,17 @@ Box = tuple[float, float, float, float]
 """x0, y0, x1, y1 in pixels with exclusive ends."""
 
 
+@dataclasses.dataclass(frozen=True)
+class MissingView:
+    """A camera that should have recorded something at an instant, and why there is nothing of it.
+
+    camera: index in the network. text: names the file and what is wrong with it.
+    """
+
+    camera: int
+    text: str
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class FrameSet:
     """What all cameras of a network recorded at one instant; one entry a camera, None where it recorded nothing.
@@ -93,12 +104,16 @@ class FrameSet:
     frame: number on the network's common clock. time_s: seconds since frame 0.
     rgb: undistorted sRGB images, 0..1.
     ids: instance masks that came with the images, 0 = background; None without masks.
+    coverage: of masks that are pictures of one object, its share of each pixel, 0..1; None, or empty, without.
+    missing: cameras of which a file or a picture is missing or damaged; they count as having recorded nothing.
     """
 
     frame: int
     time_s: float
     rgb: tuple[Float32[np.ndarray, "height width 3"] | None, ...]
     ids: tuple[UInt16[np.ndarray, "height width"] | None, ...]
+    coverage: tuple[Float32[np.ndarray, "height width"] | None, ...] = ()
+    missing: tuple[MissingView, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
