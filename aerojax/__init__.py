@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from aerojax.core.errors import UserError
     from aerojax.core.types import CLASSES, Camera, FrameSet, Gaussians, Observation, Silhouette, Track, View
     from aerojax.gaussians.decimate import DecimationConfig, decimate
-    from aerojax.gaussians.io.ply import read_ply, write_ply
+    from aerojax.gaussians.io.ply import read_placed_ply, read_ply, write_ply
     from aerojax.gaussians.io.usd import read_usd, write_usd
     from aerojax.gaussians.render import Rendering, render
     from aerojax.gaussians.rotate import covariance, rotate, transform
@@ -41,7 +41,7 @@ _HOMES = {
     "aerojax.core.errors": ("UserError",),
     "aerojax.core.types": ("CLASSES", "Camera", "FrameSet", "Gaussians", "Observation", "Silhouette", "Track", "View"),
     "aerojax.gaussians.decimate": ("DecimationConfig", "decimate"),
-    "aerojax.gaussians.io.ply": ("read_ply", "write_ply"),
+    "aerojax.gaussians.io.ply": ("read_placed_ply", "read_ply", "write_ply"),
     "aerojax.gaussians.io.usd": ("read_usd", "write_usd"),
     "aerojax.gaussians.render": ("Rendering", "render"),
     "aerojax.gaussians.rotate": ("covariance", "rotate", "transform"),

@@ -26,12 +26,15 @@ def decode(elements: dict[str, dict[str, np.ndarray]], source: str) -> dict[str,
         source: the file's name, for messages.
 
     Raises:
-        UserError: if an element or a property is missing, or chunks and vertices do not match.
+        UserError: an element or a property is missing or of another type, or chunks, vertices and coefficients do
+            not match.
     """
     chunks, vertices = elements["chunk"], elements.get("vertex", {})
     words = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
     missing = [name for name in words if name not in vertices]
-    missing += [f"{end}_{axis}" for end in ("min", "max") for axis in "xyz" if f"{end}_{axis}" not in chunks]
+    missing += [f"{name} as uint" for name in words if name in vertices and vertices[name].dtype != np.uint32]
+    bounded = ["x", "y", "z", *(f"scale_{axis}" for axis in "xyz"), *("rgb" if "min_r" in chunks else "")]
+    missing += [f"{end}_{name}" for end in ("min", "max") for name in bounded if f"{end}_{name}" not in chunks]
     if missing:
         raise UserError("invalid", f"{source}: compressed PLY lacks {', '.join(missing)}", "export it again")
     count, bounds = len(vertices["packed_position"]), len(chunks["min_x"])
@@ -41,10 +44,16 @@ def decode(elements: dict[str, dict[str, np.ndarray]], source: str) -> dict[str,
             f"{source}: {count} vertices need {-(-count // CHUNK)} chunks of {CHUNK}",
             f"the file has {bounds}",
         )
+    higher = elements.get("sh", {})
+    if any(len(values) != count or values.dtype != np.uint8 for values in higher.values()):
+        raise UserError("invalid", f"{source}: element 'sh' must hold {count} rows of uchar", "export it again")
     owner = np.arange(count) // CHUNK
 
     def between(values: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-        low, high = (np.stack([chunks[f"{end}_{name}"] for name in names], -1)[owner] for end in ("min", "max"))
+        low, high = (
+            np.stack([chunks[f"{end}_{name}"].astype(np.float64) for name in names], -1)[owner]
+            for end in ("min", "max")
+        )
         return low + values * (high - low)
 
     mean = between(_fractions(vertices["packed_position"], POSITION_BITS), ("x", "y", "z"))
@@ -57,7 +66,7 @@ def decode(elements: dict[str, dict[str, np.ndarray]], source: str) -> dict[str,
     columns |= {f"rot_{i}": x for i, x in enumerate(_quaternions(vertices["packed_rotation"]).T)}
     columns |= {f"f_dc_{i}": (rgb[:, i] - 0.5) / SH_C0 for i in range(3)}
     columns["opacity"] = np.log(opacity / (1 - opacity))
-    return columns | {name: _coefficient(values) for name, values in elements.get("sh", {}).items()}
+    return columns | {name: _coefficient(values) for name, values in higher.items()}
 
 
 def _fractions(packed: np.ndarray, bits: tuple[int, ...]) -> np.ndarray:

@@ -2,56 +2,39 @@
 
 Standard layout, binary little-endian float32: x y z · nx ny nz (zero) · f_dc_0..2 · f_rest_* (channel after channel) ·
 opacity (logit) · scale_0..2 (natural logarithm) · rot_0..3 (w x y z). f_dc is (rgb - 0.5) / 0.28209479.
+
+Far from the world's origin float32 has no millimetres left (at a UTM northing of 5.6e6 m its steps are half a metre).
+Such sets carry their place as float64 in a line of the header, `comment offset x y z`: world = offset + (x, y, z).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float64
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.io.compressed_ply import decode
+from aerojax.gaussians.io.ply_elements import PlyFile, read_elements
 from aerojax.gaussians.sh import COEFFICIENTS
-
-NUMBERS = {
-    "char": "i1",
-    "int8": "i1",
-    "uchar": "u1",
-    "uint8": "u1",
-    "short": "<i2",
-    "int16": "<i2",
-    "ushort": "<u2",
-    "uint16": "<u2",
-    "int": "<i4",
-    "int32": "<i4",
-    "uint": "<u4",
-    "uint32": "<u4",
-    "float": "<f4",
-    "float32": "<f4",
-    "double": "<f8",
-    "float64": "<f8",
-}
-"""PLY's names of scalar types, little-endian."""
 
 SMALLEST_SCALE = 1e-12
 """Metres; zero has no logarithm."""
 OPACITY_MARGIN = 1e-6
 """Opacities are written at least this far from 0 and 1, whose logits are infinite; the format's float32 keeps it."""
+FAR = 8192.0
+"""Metres from the origin beyond which float32 positions are coarser than a millimetre (2¹³ m · 2⁻²³)."""
+OFFSET = "offset"
+"""First word of the comment that says where the positions' origin lies in the world."""
+FILTER = "filter_3D"
+"""Mip-Splatting's property: standard deviation of the 3D smoothing filter, metres (Yu et al. 2024, §4.1)."""
 
 
-@dataclass(frozen=True)
-class _Element:
-    name: str
-    count: int
-    dtype: np.dtype
-
-
-def write_ply(path: Path | str, gaussians: Gaussians) -> None:
+def write_ply(path: Path | str, gaussians: Gaussians, *, origin: Float64[np.ndarray, "3"] | None = None) -> None:
     """Write one set of Gaussians; quaternions are normalised, colour of degree 0 to 3 is kept as it is.
 
     The frame is the Gaussians' own (aerojax's world has +Z up; many viewers expect -Y up and offer a rotation).
@@ -59,6 +42,7 @@ def write_ply(path: Path | str, gaussians: Gaussians) -> None:
     Args:
         path: ends with `.ply`; an existing file is replaced.
         gaussians: one set, no batch axes, finite.
+        origin: where the Gaussians' origin lies in the world, metres; written to the header unless it is None or zero.
 
     Raises:
         UserError: if there are batch axes, or an attribute is not finite; names it.
@@ -68,7 +52,8 @@ def write_ply(path: Path | str, gaussians: Gaussians) -> None:
         raise UserError(
             "invalid", f"{path}: a PLY file holds one set of Gaussians", f"got a batch of shape {gaussians.mean.shape}"
         )
-    for name, array in arrays.items():
+    place = np.zeros(3) if origin is None else origin
+    for name, array in {**arrays, "origin": place}.items():
         if not np.all(np.isfinite(array)):
             raise UserError(
                 "invalid",
@@ -89,6 +74,8 @@ def write_ply(path: Path | str, gaussians: Gaussians) -> None:
         quaternion,
     ]
     lines = ["ply", "format binary_little_endian 1.0", "comment metres; frame as given, +Z up for aerojax worlds"]
+    if np.any(place):
+        lines += [f"comment {OFFSET} " + " ".join(repr(float(x)) for x in place)]
     lines += [f"element vertex {len(sh)}", *(f"property float {name}" for name in property_names(sh.shape[1]))]
     header = "\n".join([*lines, "end_header\n"]).encode()
     write_bytes(Path(path), header + np.concatenate(columns, axis=1).astype("<f4").tobytes())
@@ -107,63 +94,78 @@ def property_names(coefficients: int) -> list[str]:
 def read_ply(path: Path | str) -> Gaussians:
     """Read Gaussians from a standard or a SuperSplat-compressed PLY file, in the frame and units of the file.
 
-    Properties may come in any order and any scalar type; unknown ones are ignored.
+    Ascii and binary files of either byte order are read. Properties may come in any order and any scalar type; unknown
+    ones and other elements are passed over. A `filter_3D` of Mip-Splatting is folded into scales and opacities. An
+    infinite logit is opacity 0 or 1, a scale of log 0 is 0; every other number must be finite.
 
     Raises:
-        UserError: if the file is missing, is not a binary little-endian PLY, ends early or lacks a property; names it.
+        UserError: the file is missing, is no PLY, contradicts its header, lacks a property or has one twice, or holds
+            numbers that are not finite: names it. Or it lies so far from the origin that float32 would round
+            millimetres away; `read_placed_ply` reads it.
+    """
+    gaussians, origin = read_placed_ply(path)
+    if np.any(origin):
+        raise UserError(
+            "out-of-range",
+            f"{path}: its Gaussians lie about {[float(x) for x in np.round(origin)]} m from the world's origin, where "
+            "float32 has no millimetres",
+            "read it with read_placed_ply, which gives that place beside them",
+        )
+    return gaussians
+
+
+def read_placed_ply(path: Path | str) -> tuple[Gaussians, Float64[np.ndarray, "3"]]:
+    """Read Gaussians as `read_ply` does, and where their origin lies in the world.
+
+    Returns:
+        The Gaussians, and their origin in metres: world = origin + mean. It is the file's own offset, and, where
+        positions in double precision lie farther than `FAR` from zero, their rounded middle.
+
+    Raises:
+        UserError: as `read_ply`, but for distance; or the header's offset is no three finite numbers.
     """
     path = Path(path)
-    if not path.is_file():
-        raise UserError("missing", f"{path}: no such file", "correct the path")
-    elements = _read_elements(path)
-    if "chunk" in elements:
-        columns = decode(elements, str(path))
-    elif "vertex" in elements:
-        columns = elements["vertex"]
-    else:
-        raise UserError("invalid", f"{path}: no element 'vertex'", "this is not a Gaussian-splat PLY")
-    return _from_columns(columns, path)
-
-
-def _read_elements(path: Path) -> dict[str, dict[str, np.ndarray]]:
-    """Every element's properties as arrays, by name."""
-    content = path.read_bytes()
-    marker = content.find(b"end_header")
-    if not content.startswith(b"ply") or marker < 0:
-        raise UserError("unreadable", f"{path}: not a PLY file (no 'ply' … 'end_header')", "name a Gaussian-splat PLY")
-    start = content.index(b"\n", marker) + 1
-    lines = content[:marker].decode("ascii", "replace").splitlines()
-    if "format binary_little_endian 1.0" not in (line.strip() for line in lines):
-        raise UserError("invalid", f"{path}: only 'format binary_little_endian 1.0' is read", "convert the file first")
-    elements = {}
-    for element in _declared(lines, path):
-        size = element.count * element.dtype.itemsize
-        if start + size > len(content):
+    found = read_elements(path)
+    if "chunk" in found.columns:
+        columns = decode(found.columns, str(path))
+    elif "vertex" in found.columns:
+        if lists := found.elements["vertex"].lists:
             raise UserError(
                 "invalid",
-                f"{path}: element '{element.name}' needs {size} bytes, {len(content) - start} are left",
-                "copy it again, it is cut short",
+                f"{path}: vertex properties {', '.join(lists)} are lists",
+                "Gaussian-splat files hold scalars; this is not one",
             )
-        rows = np.frombuffer(content, element.dtype, element.count, start)
-        elements[element.name] = {name: rows[name] for name in element.dtype.names or ()}
-        start += size
-    return elements
+        columns = found.columns["vertex"]
+    else:
+        raise UserError("invalid", f"{path}: no element 'vertex'", "this is not a Gaussian-splat PLY")
+    columns, middle = _near_zero(columns)
+    gaussians = _from_columns(columns, path)
+    return gaussians, _offset(found, path) + middle
 
 
-def _declared(lines: list[str], path: Path) -> list[_Element]:
-    declared: list[tuple[str, int, list[tuple[str, str]]]] = []
-    for words in (line.split() for line in lines):
-        if words[:1] == ["element"]:
-            declared.append((words[1], int(words[2]), []))
-        elif words[:1] == ["property"]:
-            if words[1] not in NUMBERS:
-                raise UserError(
-                    "unreadable",
-                    f"{path}: property type '{words[1]}' is not a scalar",
-                    "Gaussian-splat files hold none",
-                )
-            declared[-1][2].append((words[2], NUMBERS[words[1]]))
-    return [_Element(name, count, np.dtype(fields)) for name, count, fields in declared]
+def _offset(found: PlyFile, path: Path) -> Float64[np.ndarray, "3"]:
+    """The place that the header gives."""
+    lines = [words[1:] for words in map(str.split, found.comments) if words[:1] == [OFFSET]]
+    if not lines:
+        return np.zeros(3)
+    try:
+        values = np.array([float(word) for word in lines[0]])
+    except ValueError:
+        values = np.zeros(0)
+    if len(lines) > 1 or values.shape != (3,) or not np.all(np.isfinite(values)):
+        raise UserError("invalid", f"{path}: 'comment {OFFSET}' must be there once, with three numbers", "correct it")
+    return values
+
+
+def _near_zero(columns: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], Float64[np.ndarray, "3"]]:
+    """Positions about their middle where float32 would round those of a file in double precision."""
+    axes = [columns[name] for name in "xyz" if name in columns]
+    wide = len(axes) == 3 and all(x.dtype == np.float64 and x.size and np.all(np.isfinite(x)) for x in axes)
+    if not wide or max(np.abs(x).max() for x in axes) <= FAR:
+        return columns, np.zeros(3)
+    middle = np.round([x.min() / 2 + x.max() / 2 for x in axes])
+    moved = {name: x - shift for name, x, shift in zip("xyz", axes, middle, strict=True)}
+    return {**columns, **moved}, middle
 
 
 def _from_columns(columns: dict[str, np.ndarray], path: Path) -> Gaussians:
@@ -187,12 +189,39 @@ def _from_columns(columns: dict[str, np.ndarray], path: Path) -> Gaussians:
     if rest:
         flat = stack(*(f"f_rest_{i}" for i in range(rest)))
         higher = flat.reshape(count, 3, coefficients - 1).transpose(0, 2, 1)
+    with np.errstate(over="ignore"):  # an infinite scale is refused below
+        scale = np.exp(stack("scale_0", "scale_1", "scale_2"))
     opacity = 1 / (1 + np.exp(-np.clip(columns["opacity"].astype(np.float64), -80, 80)))
-    arrays = (
-        stack("x", "y", "z"),
-        stack("rot_0", "rot_1", "rot_2", "rot_3"),
-        np.exp(stack("scale_0", "scale_1", "scale_2")),
-        opacity,
-        np.concatenate([stack("f_dc_0", "f_dc_1", "f_dc_2")[:, None], higher], axis=1),
-    )
-    return Gaussians(*(jnp.asarray(x, jnp.float32) for x in arrays))
+    scale, opacity = _smoothed(scale, opacity, columns.get(FILTER), path)
+    arrays = {
+        "x, y, z": stack("x", "y", "z"),
+        "rot_0..3": stack("rot_0", "rot_1", "rot_2", "rot_3"),
+        "scale_0..2": scale,
+        "opacity": opacity,
+        "f_dc, f_rest": np.concatenate([stack("f_dc_0", "f_dc_1", "f_dc_2")[:, None], higher], axis=1),
+    }
+    with np.errstate(over="ignore"):
+        single = {name: values.astype(np.float32) for name, values in arrays.items()}
+    for name, values in single.items():
+        if wrong := int((~np.isfinite(values)).reshape(count, -1).any(axis=1).sum()) if count else 0:
+            raise UserError(
+                "invalid", f"{path}: {name} of {wrong} of {count} Gaussians are not finite", "drop those Gaussians"
+            )
+    return Gaussians(*(jnp.asarray(values) for values in single.values()))
+
+
+def _smoothed(
+    scale: np.ndarray, opacity: np.ndarray, width: np.ndarray | None, path: Path
+) -> tuple[np.ndarray, np.ndarray]:
+    """Scales and opacities under Mip-Splatting's 3D smoothing filter (Yu et al. 2024, Eq. 9).
+
+    s' = √(s² + w²) along each axis; the peak falls by √(|Σ| / |Σ + w² I|) = Π s / s', which keeps the energy.
+    """
+    if width is None:
+        return scale, opacity
+    width = width.astype(np.float64)
+    if not np.all(np.isfinite(width) & (width >= 0)):
+        raise UserError("invalid", f"{path}: {FILTER} must be finite and not negative", "export it again")
+    wider = np.hypot(scale, width[:, None])
+    ratio = np.divide(scale, wider, out=np.ones_like(scale), where=(wider > 0) & np.isfinite(wider))
+    return wider, opacity * np.prod(ratio, axis=1)
