@@ -32,6 +32,7 @@ class Card:
     token_ensembles: disjoint subsets of a frame's tokens whose probabilities are averaged, as far as there are enough.
     scale_normalisation: length that positions are divided by, in the member's words.
     rotation_invariant: whether no rotation of the world changes the logits, whatever the weights.
+    temperature: log-probabilities are divided by it, so that they mean what they say; fitted on validation clips.
     rotation: how the training clips were turned: not at all, about +Z, or uniformly over SO(3).
     settings: of the pipeline that made the training clips, such as ("crop_size", 128), ("reconstruct.grid", 64).
     record: JSON object of what made the weights and how good they are (command, seed, commit, results); "" if unknown.
@@ -46,6 +47,7 @@ class Card:
     token_ensembles: int
     scale_normalisation: str
     rotation_invariant: bool
+    temperature: float = 1.0
     rotation: TrainRotation = "none"
     settings: Settings = ()
     record: str = ""
@@ -61,6 +63,9 @@ class Card:
                 raise UserError(
                     "invalid", f"{name} is {getattr(self, name)} in a classifier's card", "it must be at least 1"
                 )
+        if not 0 < self.temperature < float("inf"):
+            problem = f"temperature is {self.temperature} in a classifier's card"
+            raise UserError("invalid", problem, "it must be a positive number")
 
     def require(self, settings: Mapping[str, Setting]) -> None:
         """Refuse a running pipeline that makes other Gaussians than the classifier was trained on.
@@ -105,6 +110,7 @@ class Card:
             values = None
         if not isinstance(values, dict):
             raise UserError("unreadable", f"{source}: the card in its header is no JSON object", "fetch it again")
+        values = {"temperature": 1.0} | values  # cards of before had none
         missing, unknown = sorted(_TYPES.keys() - values.keys()), sorted(values.keys() - _TYPES.keys())
         if missing:
             raise UserError(
@@ -143,6 +149,7 @@ _TYPES = {
     "token_ensembles": _count,
     "scale_normalisation": _text,
     "rotation_invariant": lambda value: isinstance(value, bool),
+    "temperature": lambda value: isinstance(value, int | float) and not isinstance(value, bool),
     "rotation": lambda value: value in get_args(TrainRotation),
     "settings": _pairs,
     "record": lambda value: isinstance(value, dict),

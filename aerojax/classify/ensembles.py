@@ -21,6 +21,12 @@ def token_ensembles(
     return jnp.moveaxis(cut, -3, 0)
 
 
+def calibrated_answer(logits: Float[Array, "ensemble *time label"], temperature: float) -> Float[Array, "*time label"]:
+    """Log-probabilities of the ensembles' mean, sharpened or blunted by the card's temperature (Guo et al. 2017)."""
+    mean = log_mean_probability(logits)
+    return mean if temperature == 1.0 else jax.nn.log_softmax(mean / temperature, axis=-1)
+
+
 def log_mean_probability(logits: Float[Array, "ensemble *time label"]) -> Float[Array, "*time label"]:
     """Logarithm of the ensembles' mean softmax."""
     mean = jax.nn.logsumexp(jax.nn.log_softmax(logits, axis=-1), axis=0)

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from aerojax.evaluate.calibration import calibration_error
+
 
 def confusion_matrix(
     predicted: Int[np.ndarray, "clip"], label: Int[np.ndarray, "clip"], classes: int
@@ -18,8 +20,9 @@ def confusion_matrix(
 
 
 def label_figures(log_probabilities: Float[np.ndarray, "clip label"], label: Int[np.ndarray, "clip"]) -> dict[str, Any]:
-    """Every figure of a set of predictions; the confusion matrix has the truth in rows.
+    """Every figure of a set of predictions.
 
+    The confusion matrix has the truth in rows; `ece` is the expected calibration error.
     The prediction is the most probable class, an exact tie goes to the lowest. A class without examples has a recall of
     NaN in JSON's stead: None; it does not enter macro-F1 or the area under the curve. The Brier score is summed over
     classes, 0..2 (Brier 1950).
@@ -32,6 +35,7 @@ def label_figures(log_probabilities: Float[np.ndarray, "clip label"], label: Int
     return {
         "clips": len(label),
         "accuracy": float(np.mean(predicted == label)),
+        "ece": calibration_error(log_probabilities, label),
         "nll": float(-np.mean(log_probabilities[np.arange(len(label)), label])),
         "brier": float(np.mean(np.sum(errors**2, axis=1))),
         "macro_f1": float(macro_f1(confusion)),

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from aerojax.classify.ensembles import log_mean_probability, token_ensembles
+from aerojax.classify.ensembles import calibrated_answer, log_mean_probability, token_ensembles
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,11 @@ def test_probabilities_are_averaged_not_logits():
     np.testing.assert_allclose(jnp.exp(log_mean_probability(logits)), [0.5, 0.5], atol=1e-6)
     one = jnp.array([[1.0, 2.0, -1.0]])
     np.testing.assert_allclose(log_mean_probability(one), jax.nn.log_softmax(one[0]), atol=1e-6)
+
+
+def test_the_temperature_sharpens_the_answer_and_keeps_its_order():
+    logits = jnp.log(jnp.array([[[0.6, 0.3, 0.1]], [[0.2, 0.5, 0.3]]]))
+    plain = calibrated_answer(logits, 1.0)
+    np.testing.assert_array_equal(plain, log_mean_probability(logits))
+    powers = jnp.exp(plain) ** 2  # p^(1/T), normalised
+    np.testing.assert_allclose(jnp.exp(calibrated_answer(logits, 0.5)), powers / powers.sum(), atol=1e-6)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card
-from aerojax.classify.ensembles import log_mean_probability, token_ensembles
+from aerojax.classify.ensembles import calibrated_answer, token_ensembles
 from aerojax.classify.mambasplat.model import MambaSplat, StreamState
 from aerojax.classify.released.normalisation import normalise_published
 from aerojax.core.errors import UserError
@@ -76,7 +76,7 @@ class MambaSplatClassifier:
         logits, following = jax.vmap(lambda columns, state: self.network.step(columns, mask, state))(subsets, used)
         # Ensembles that the frame has no tokens for stay as they were.
         state = jax.tree.map(lambda new, old: jnp.concatenate([new, old[count:]]), following, state)
-        return log_mean_probability(logits), state
+        return calibrated_answer(logits, self.card.temperature), state
 
     def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
         """Logits after each frame; a model that looks ahead sees the whole clip's scale in each of them."""
@@ -84,7 +84,7 @@ class MambaSplatClassifier:
         def read(columns: Float[Array, "time token 14"]) -> Float[Array, "time label"]:
             return self.network.prefixes(columns, jnp.broadcast_to(valid[:, None], columns.shape[:2]))
 
-        return log_mean_probability(jax.vmap(read)(self._subsets(seen.gaussians)))
+        return calibrated_answer(jax.vmap(read)(self._subsets(seen.gaussians)), self.card.temperature)
 
     def _subsets(self, gaussians: Gaussians) -> Float[Array, "ensemble *time token 14"]:
         return token_ensembles(self.prepare(gaussians.columns()), self.card.tokens, self.card.token_ensembles)

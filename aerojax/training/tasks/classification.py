@@ -14,6 +14,7 @@ from jaxtyping import Array, Float, Key
 from aerojax.classify.base import Classifier, ClassifierConfig, Settings, Trainable, untrained, with_card
 from aerojax.data.clips import ClipSet
 from aerojax.evaluate.answers import TEST_ENSEMBLES, crops_from_bytes, crops_read, log_probabilities
+from aerojax.evaluate.calibration import fit_temperature
 from aerojax.evaluate.labels import label_figures
 from aerojax.training.distribution import own_share
 from aerojax.training.loop import Fit, TrainingConfig, fit, smoothed_cross_entropy
@@ -94,7 +95,7 @@ def train_classifier(
         watch: called with each step's number and figures.
 
     Returns:
-        The classifier with the best validation score; the record of its card is empty.
+        The classifier with the best validation score, its temperature fitted there too; its card has no record yet.
 
     Raises:
         UserError: as `fit`.
@@ -112,4 +113,10 @@ def train_classifier(
         crops_read(classifier, task.train)
         task = replace(task, crops=True)
     todo = Fit(task.loss, task.batches, task.steps_per_epoch, task.validate, report, watch)
-    return fit(classifier, todo, task.training, seed=task.seed, directory=directory)
+    return calibrated(fit(classifier, todo, task.training, seed=task.seed, directory=directory), task.val)
+
+
+def calibrated(classifier: Trainable, val: ClipSet) -> Trainable:
+    """The same classifier with the temperature that its validation clips ask for."""
+    plain = with_card(classifier, temperature=1.0)
+    return with_card(plain, temperature=fit_temperature(log_probabilities(plain, val), val.label))
