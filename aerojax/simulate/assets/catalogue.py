@@ -3,6 +3,7 @@
 Families belong to one split, so that a validation or test identity is a new kind of object, not a new draw of a known
 one. The commonest kinds and the extremes train (longest wings, fewest arms, most rotors), so that kinds seen only in
 validation or test lie between kinds that were trained on. One identity a family makes 91 in all (thesis Table 6.3).
+Any number of further training individuals mixes the training families of a class (`training_individual`).
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from aerojax.simulate.assets.birds.families import bird_families, draw_bird
 from aerojax.simulate.assets.families import Family, names_by_split
 from aerojax.simulate.assets.helicopters.asset import build_helicopter
 from aerojax.simulate.assets.helicopters.families import draw_helicopter, helicopter_families
+from aerojax.simulate.assets.hybrids.individuals import HYBRID, hybrid_asset
 from aerojax.simulate.assets.importers.convert import convert_model
 from aerojax.simulate.assets.importers.models import ImportedModel
 from aerojax.simulate.assets.multicopters.asset import build_multicopter
@@ -107,6 +109,25 @@ def _identity(split: Split, label: str, families: tuple[str, ...], index: int) -
     return Identity(f"{label}_{family}_{number:02d}", label, family, seed, split)
 
 
+def training_individual(label: str, index: int, *, seed: int = 0) -> Identity:
+    """One of any number of training individuals beyond the published split, a mixture of its class's training families.
+
+    Args:
+        label: one of `aerojax.core.types.CLASSES`.
+        index: which of the class's individuals; names and shapes are stable whatever others are asked for.
+        seed: of the whole series.
+
+    Raises:
+        UserError: if `label` is no class, or a number is negative.
+    """
+    if label not in _FAMILIES:
+        raise UserError("out-of-range", f"label is {label!r}", f"use one of {', '.join(CLASSES)}")
+    if min(index, seed) < 0:
+        raise UserError("invalid", f"index is {index} and seed {seed}", "they count from 0")
+    name = f"{label}_{HYBRID}_{seed}_{index:06d}"
+    return Identity(name, label, HYBRID, seed_of("aerojax", HYBRID, label, seed, index), "train")
+
+
 def build_identity(identity: Identity, folder: Path) -> Path:
     """Write `<folder>/<name>.usdc` and its texture `<name>.png` unless they are there already; return the stage's path.
 
@@ -140,6 +161,8 @@ def asset_of(identity: Identity) -> Asset | SkinnedAsset:
     Raises:
         UserError: if the identity names an unknown class or family.
     """
+    if identity.label in _FAMILIES and identity.family == HYBRID and identity.split == "train":
+        return hybrid_asset(identity.label, identity.seed)
     if identity.label not in _FAMILIES or identity.family not in families_of(identity.label):
         raise UserError(
             "invalid",
