@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from aerojax.core.types import CLASSES, Camera, FrameSet, Gaussians, Observation, Silhouette, Track, View
     from aerojax.gaussians.decimate import DecimationConfig, decimate
     from aerojax.gaussians.io.ply import read_placed_ply, read_ply, write_ply
-    from aerojax.gaussians.io.usd import read_usd, write_usd
+    from aerojax.gaussians.io.usd import write_usd
+    from aerojax.gaussians.io.usd_reading import read_placed_usd, read_usd
     from aerojax.gaussians.render import Rendering, render
     from aerojax.gaussians.rotate import covariance, rotate, transform
     from aerojax.geometry.cameras import look_at, project_points, unproject_depth
@@ -42,7 +43,8 @@ _HOMES = {
     "aerojax.core.types": ("CLASSES", "Camera", "FrameSet", "Gaussians", "Observation", "Silhouette", "Track", "View"),
     "aerojax.gaussians.decimate": ("DecimationConfig", "decimate"),
     "aerojax.gaussians.io.ply": ("read_placed_ply", "read_ply", "write_ply"),
-    "aerojax.gaussians.io.usd": ("read_usd", "write_usd"),
+    "aerojax.gaussians.io.usd": ("write_usd",),
+    "aerojax.gaussians.io.usd_reading": ("read_placed_usd", "read_usd"),
     "aerojax.gaussians.render": ("Rendering", "render"),
     "aerojax.gaussians.rotate": ("covariance", "rotate", "transform"),
     "aerojax.geometry.cameras": ("look_at", "project_points", "unproject_depth"),

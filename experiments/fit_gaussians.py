@@ -16,9 +16,9 @@ from rich.console import Console
 from aerojax.capture.format import read_capture
 from aerojax.core.files import write_json
 from aerojax.evaluate.images import image_figures
+from aerojax.gaussians.io.placement import place
 from aerojax.gaussians.io.ply import write_ply
 from aerojax.gaussians.io.usd import write_usd
-from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import observe_frame
 from aerojax.reconstruct.fit.held_out import render_beside_views, split_views
@@ -84,10 +84,9 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
             rows = [np.concatenate(list(x), axis=1) for x in (target, jnp.clip(rendered, 0, 1))]
             bgr = np.round(255 * np.concatenate(rows)[..., ::-1]).astype(np.uint8)
             cv2.imwrite(str(directory / f"{name}_{where}.png"), bgr)
-    world_from_crop = jnp.asarray(seen.world_from_crop, jnp.float32)
-    placed = transform(fitted, world_from_crop)
-    write_ply(directory / "fitted.ply", placed)
-    write_usd(directory / "fitted.usdc", [placed])
+    placed, origin = place(fitted, seen.world_from_crop)
+    write_ply(directory / "fitted.ply", placed, origin=origin)
+    write_usd(directory / "fitted.usdc", [placed], origin=origin)
     write_json(directory / "metrics.json", results)
     return results
 

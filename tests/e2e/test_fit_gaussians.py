@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerojax.gaussians.io.ply import read_ply
-from aerojax.gaussians.io.usd import read_usd
+from aerojax.gaussians.io.usd_reading import read_usd
 from experiments import fit_gaussians
 
 

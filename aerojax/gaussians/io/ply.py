@@ -19,6 +19,7 @@ from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.io.compressed_ply import decode
+from aerojax.gaussians.io.placement import FAR, refuse_far
 from aerojax.gaussians.io.ply_elements import PlyFile, read_elements
 from aerojax.gaussians.sh import COEFFICIENTS
 
@@ -26,8 +27,6 @@ SMALLEST_SCALE = 1e-12
 """Metres; zero has no logarithm."""
 OPACITY_MARGIN = 1e-6
 """Opacities are written at least this far from 0 and 1, whose logits are infinite; the format's float32 keeps it."""
-FAR = 8192.0
-"""Metres from the origin beyond which float32 positions are coarser than a millimetre (2¹³ m · 2⁻²³)."""
 OFFSET = "offset"
 """First word of the comment that says where the positions' origin lies in the world."""
 FILTER = "filter_3D"
@@ -104,13 +103,7 @@ def read_ply(path: Path | str) -> Gaussians:
             millimetres away; `read_placed_ply` reads it.
     """
     gaussians, origin = read_placed_ply(path)
-    if np.any(origin):
-        raise UserError(
-            "out-of-range",
-            f"{path}: its Gaussians lie about {[float(x) for x in np.round(origin)]} m from the world's origin, where "
-            "float32 has no millimetres",
-            "read it with read_placed_ply, which gives that place beside them",
-        )
+    refuse_far(path, origin, "read_placed_ply")
     return gaussians
 
 

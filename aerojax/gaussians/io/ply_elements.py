@@ -10,11 +10,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 import numpy as np
 
 from aerojax.core.errors import UserError
+
+Order = Literal["=", "<", ">"]
 
 NUMBERS = {
     **{name: np.dtype("i1") for name in ("char", "int8")},
@@ -27,7 +29,7 @@ NUMBERS = {
     **{name: np.dtype("f8") for name in ("double", "float64")},
 }
 """PLY's names of scalar types."""
-ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+ORDERS: dict[str, Order] = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 """NumPy's byte order of each format of file."""
 _HEADER_LIMIT = 1 << 20
 """Bytes in which a header ends; a thousand properties need 30 kB."""
@@ -102,9 +104,11 @@ def _header(content: bytes, path: Path) -> tuple[list[str], int]:
     )
 
 
-def _declarations(lines: list[str], path: Path) -> tuple[str, list[Element], tuple[str, ...]]:
+def _declarations(lines: list[str], path: Path) -> tuple[Order, list[Element], tuple[str, ...]]:
     """Byte order, elements and comments."""
-    order, tables, comments = None, dict[str, tuple[int, dict[str, Property]]](), []
+    order: Order | None = None
+    tables: dict[str, tuple[int, dict[str, Property]]] = {}
+    comments: list[str] = []
     for number, line in enumerate(lines[1:], start=2):
 
         def refuse(what: str, number: int = number, line: str = line) -> NoReturn:
@@ -168,7 +172,7 @@ class _Binary:
 
     content: bytes
     place: int
-    order: str
+    order: Order
     path: Path
 
     def rows(self, element: Element) -> dict[str, np.ndarray]:

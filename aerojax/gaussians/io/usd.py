@@ -2,6 +2,7 @@
 
 Scales are linear, opacities 0..1, quaternions w x y z, colour coefficients particle after particle: the same numbers as
 in memory. Every array is time-sampled, so a sequence is one file; the number of Gaussians may change between frames.
+`aerojax.gaussians.io.usd_reading` reads them back.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdVol, Vt
+from jaxtyping import Float64
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdVol, Vt
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians
@@ -25,13 +26,21 @@ EXTENT_SIGMAS = 3.0
 """Standard deviations that the bounding box covers."""
 
 
-def write_usd(path: Path | str, frames: Sequence[Gaussians], *, frames_per_second: float = 30.0) -> None:
+def write_usd(
+    path: Path | str,
+    frames: Sequence[Gaussians],
+    *,
+    frames_per_second: float = 30.0,
+    origin: Float64[np.ndarray, "3"] | None = None,
+) -> None:
     """Write a sequence of Gaussians (+Z up, metres) as one prim; frame i is time code i.
 
     Args:
         path: ends with .usd, .usda or .usdc; an existing file is replaced.
         frames: one set of Gaussians an instant, all of one colour degree; a single one is written without time.
         frames_per_second: time codes a second.
+        origin: where the Gaussians' origin lies in the world, metres; becomes the prim's translation (float64) unless
+            it is None or zero.
 
     Raises:
         UserError: no frames, batched or non-finite Gaussians, differing degrees, or a file that cannot be written.
@@ -49,6 +58,10 @@ def write_usd(path: Path | str, frames: Sequence[Gaussians], *, frames_per_secon
     splats = UsdVol.ParticleField3DGaussianSplat.Define(stage, Sdf.Path(PRIM))
     stage.SetDefaultPrim(splats.GetPrim())
     splats.CreateRadianceSphericalHarmonicsDegreeAttr(degree)
+    if origin is not None and np.any(origin):
+        if not np.all(np.isfinite(origin)):
+            raise UserError("invalid", f"{path}: origin has non-finite numbers", "give metres")
+        splats.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*(float(x) for x in origin)))
     if len(frames) > 1:
         stage.SetStartTimeCode(0)
         stage.SetEndTimeCode(len(frames) - 1)
@@ -98,51 +111,3 @@ def _values(gaussians: Gaussians, source: str) -> dict[str, Any]:
         "radiance:sphericalHarmonicsCoefficients": Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(sh.reshape(-1, 3))),
         "extent": Vt.Vec3fArray.FromNumpy(extent.astype(np.float32)),
     }
-
-
-def read_usd(path: Path | str) -> list[Gaussians]:
-    """Read the first Gaussian-splat prim of a USD file: one set of Gaussians for every time sample of its positions.
-
-    The numbers are those of the prim's own frame; transforms above it are not applied.
-
-    Raises:
-        UserError: the file cannot be opened, holds no such prim, or its arrays do not fit each other.
-    """
-    if not Path(path).is_file():
-        raise UserError("missing", f"{path}: no such file", "correct the path")
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException:
-        raise UserError("unreadable", f"{path}: not a readable USD file", "export it again") from None
-    found = next((p for p in stage.Traverse() if p.IsA(UsdVol.ParticleField3DGaussianSplat)), None)
-    if found is None:
-        raise UserError("invalid", f"{path}: no ParticleField3DGaussianSplat prim", "name a stage that holds Gaussians")
-    splats = UsdVol.ParticleField3DGaussianSplat(found)
-    samples = splats.GetPositionsAttr().GetTimeSamples()
-    times = [Usd.TimeCode(t) for t in samples] or [Usd.TimeCode.Default()]
-    return [_frame(splats, time, str(path)) for time in times]
-
-
-def _frame(splats: UsdVol.ParticleField3DGaussianSplat, time: Usd.TimeCode, path: str) -> Gaussians:
-    coefficients = (splats.GetRadianceSphericalHarmonicsDegreeAttr().Get() + 1) ** 2
-    attributes = {
-        "positions": (splats.GetPositionsAttr(), (3,)),
-        "orientations": (splats.GetOrientationsAttr(), (4,)),
-        "scales": (splats.GetScalesAttr(), (3,)),
-        "opacities": (splats.GetOpacitiesAttr(), ()),
-        "sphericalHarmonicsCoefficients": (
-            splats.GetRadianceSphericalHarmonicsCoefficientsAttr(),
-            (coefficients, 3),
-        ),
-    }
-    arrays = {}
-    for name, (attribute, shape) in attributes.items():
-        values = np.array(attribute.Get(time), np.float32)
-        count = len(arrays["positions"]) if arrays else len(values)
-        if values.size != count * int(np.prod(shape)):
-            raise UserError(
-                "invalid", f"{path}: {name} has {values.size} numbers at time {time}", f"{count} Gaussians need {shape}"
-            )
-        arrays[name] = values.reshape(count, *shape)
-    arrays["orientations"] = arrays["orientations"][:, [3, 0, 1, 2]]
-    return Gaussians(*(jnp.asarray(x) for x in arrays.values()))
