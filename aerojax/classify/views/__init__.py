@@ -1,0 +1,1 @@
+"""Views: silhouettes of the crops in polar coordinates, pooled over cameras, Mamba over time."""

@@ -1,0 +1,90 @@
+"""The views network behind the door of stage 3: what it takes from the evidence, and its card."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Key
+
+from aerojax.classify.card import Card
+from aerojax.classify.views.model import ViewsNetwork, ViewsState
+from aerojax.core.errors import UserError
+from aerojax.core.types import Crops, Evidence, pytree_dataclass, static_field
+
+
+@pytree_dataclass
+class ViewsClassifier:
+    """A `Trainable` of `aerojax.classify.base` that reads crops alone; see `ViewsNetwork` for its symmetries."""
+
+    network: ViewsNetwork
+    card: Card = static_field()
+
+    @property
+    def reads_crops(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def causal(self) -> bool:
+        """Always."""
+        return True
+
+    def prepare(self, columns: Float[Array, "*batch token 14"]) -> Float[Array, "*batch token 14"]:
+        """Nothing: Gaussians are not read."""
+        return columns
+
+    def logits(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        crops: Crops | None = None,
+    ) -> Float[Array, "label"]:
+        """The network's logits of one clip; of the Gaussians it is read in which frames there are any."""
+        return self.network(*counted(crops, mask.any(axis=1)))
+
+    def training_logits(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        crops: Crops | None,
+        *,
+        key: Key[Array, ""],
+    ) -> Float[Array, "head label"]:
+        """The same of its only head, with dropout."""
+        return self.network(*counted(crops, mask.any(axis=1)), key=key)[None]
+
+    def initial(self) -> ViewsState:
+        """The network's state before the first frame."""
+        return self.network.initial_state()
+
+    def step(
+        self, seen: Evidence, valid: Bool[Array, ""], state: ViewsState
+    ) -> tuple[Float[Array, "label"], ViewsState]:
+        """Logits after one more frame.
+
+        Raises:
+            UserError: the evidence has no crops, or more than the state has room for.
+        """
+        logits, state = self.network.step(*counted(seen.crops, valid), state)
+        return jax.nn.log_softmax(logits), state
+
+    def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
+        """Logits after each frame.
+
+        Raises:
+            UserError: the evidence has no crops.
+        """
+        return jax.nn.log_softmax(self.network.prefixes(*counted(seen.crops, valid)))
+
+
+def counted(
+    crops: Crops | None, present: Bool[Array, "*time"]
+) -> tuple[Float[Array, "*time view size size 4"], Bool[Array, "*time view"]]:
+    """Images, and which of them count: those that are valid in frames that are present.
+
+    Raises:
+        UserError: there are no crops.
+    """
+    if crops is None:
+        raise UserError("missing", "a classifier of views is given no crops", "give it Evidence with crops")
+    return crops.rgba, crops.valid & jnp.expand_dims(present, -1)
