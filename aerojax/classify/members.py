@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from aerojax.classify.base import ClassifierConfig
-from aerojax.classify.ensemble.config import EnsembleConfig
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.classify.views.config import ViewsConfig
 
