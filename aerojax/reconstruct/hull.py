@@ -9,16 +9,20 @@ hence the grid, and with it the answer, turns with the world.
 
 from __future__ import annotations
 
+import functools
 import itertools
+import operator
 from dataclasses import dataclass
 from typing import Literal
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from aerojax.core.arrays import AnyArray, namespace
 from aerojax.core.types import SH_C0, Camera, Gaussians, View, pytree_dataclass, static_field
-from aerojax.geometry.cameras import pixels_of_camera_points, points_in_camera
+from aerojax.geometry.cameras import pixels_of_camera_points
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.silhouette import bilinear, signed_distance
@@ -102,9 +106,36 @@ def _pixels_and_depths(
     points: Float[Array, "point 3"], camera: Camera
 ) -> tuple[Float[Array, "point 2"], Float[Array, "point"]]:
     """Crop pixels and depths; depth is kept positive."""
-    inside = points_in_camera(points, camera)
-    inside = inside.at[:, 2].max(1e-3)
+    rows = cam_from_world_rows(camera.world_from_cam)
+    inside = points @ rows[:, :3].T + rows[None, :, 3]
+    inside.at[:, 2].max(1e-3)
     return pixels_of_camera_points(inside, camera), inside[:, 2]
+
+
+def cam_from_world_rows(world_from_cam: Float[AnyArray, "*batch 4 4"]) -> Float[AnyArray, "*batch 3 4"]:
+    """First three rows [Rᵀ | -Rᵀc] of the inverse of rigid transforms [R c; 0 1], NumPy or JAX.
+
+    The cameras look at the origin from afar, hence Rᵀp - Rᵀc keeps more digits than Rᵀ(p - c). In float32, factors are
+    split into halves of 12 bits: their products are exact, so fused multiply-adds change nothing and NumPy, XLA and any
+    device agree on the bits.
+    """
+    xp = namespace(world_from_cam)
+    turned = xp.swapaxes(world_from_cam[..., :3, :3], -1, -2)
+    centre = xp.broadcast_to(world_from_cam[..., None, :3, 3], turned.shape)
+    (a, b), (c, d) = _halves(turned), _halves(centre)
+    terms = [(x * y)[..., axis] for x, y in ((b, d), (a, d), (b, c), (a, c)) for axis in range(3)]
+    shift = -functools.reduce(operator.add, terms)
+    return xp.concatenate([turned, shift[..., None]], axis=-1)
+
+
+def _halves(values: Float[AnyArray, "*shape"]) -> tuple[Float[AnyArray, "*shape"], Float[AnyArray, "*shape"]]:
+    """float32 as the sum of two numbers of 12 significant bits each."""
+    if isinstance(values, np.ndarray):
+        high = (values.view(np.int32) & -4096).view(np.float32)
+    else:
+        bits = jax.lax.bitcast_convert_type(values, jnp.int32) & -4096
+        high = jax.lax.bitcast_convert_type(bits, jnp.float32)
+    return high, values - high
 
 
 def _hull_field(
