@@ -68,7 +68,7 @@ def _read_picture(path: str) -> UInt8[np.ndarray, "height width 3"]:
 
 
 def face_appearance(
-    mesh: UsdGeom.Mesh,
+    mesh: UsdGeom.Gprim,
     triangles: Int[np.ndarray, "face 3"],
     corners: Int[np.ndarray, "face 3"],
     polygon: Int[np.ndarray, "face"],
@@ -107,7 +107,7 @@ def face_appearance(
     return FaceAppearance(albedo, uv, texture)
 
 
-def _bindings(mesh: UsdGeom.Mesh, polygon: np.ndarray) -> list[tuple[Usd.Prim, np.ndarray]]:
+def _bindings(mesh: UsdGeom.Gprim, polygon: np.ndarray) -> list[tuple[Usd.Prim, np.ndarray]]:
     """The mesh with all its triangles, then each material subset with its own."""
     everything = np.ones(len(polygon), bool)
     found = [(mesh.GetPrim(), everything)]
@@ -142,7 +142,7 @@ def _constant(value: UsdShade.Input) -> tuple[float, float, float] | None:
     return None
 
 
-def _texture_path(shader: UsdShade.Shader, mesh: UsdGeom.Mesh) -> str:
+def _texture_path(shader: UsdShade.Shader, mesh: UsdGeom.Gprim) -> str:
     for attribute in shader.GetInput("file").GetValueProducingAttributes() if shader.GetInput("file") else ():
         asset = attribute.Get(EARLIEST)
         if asset is not None and asset.resolvedPath:
@@ -155,7 +155,7 @@ def _texture_path(shader: UsdShade.Shader, mesh: UsdGeom.Mesh) -> str:
 
 
 def _coordinates(
-    mesh: UsdGeom.Mesh, picture: UsdShade.Shader, triangles: np.ndarray, corners: np.ndarray
+    mesh: UsdGeom.Gprim, picture: UsdShade.Shader, triangles: np.ndarray, corners: np.ndarray
 ) -> Float[np.ndarray, "face 3 2"]:
     """Texture coordinates at the triangles' corners, whatever the primvar's interpolation."""
     name = _primvar_name(picture)
@@ -167,9 +167,9 @@ def _coordinates(
         )
     flat, kind = np.asarray(values, np.float64), variable.GetInterpolation()
     if kind == UsdGeom.Tokens.faceVarying:
-        return flat[corners]
+        return _picked(flat, corners, mesh, name)
     if kind in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
-        return flat[triangles]
+        return _picked(flat, triangles, mesh, name)
     return np.broadcast_to(flat[0], (*triangles.shape, 2)).copy()
 
 
@@ -185,7 +185,7 @@ def _primvar_name(picture: UsdShade.Shader) -> str:
 
 
 def display_colour(
-    mesh: UsdGeom.Mesh, triangles: Int[np.ndarray, "face 3"], polygon: Int[np.ndarray, "face"]
+    mesh: UsdGeom.Gprim, triangles: Int[np.ndarray, "face 3"], polygon: Int[np.ndarray, "face"]
 ) -> Float[np.ndarray, "face 3"]:
     """One sRGB colour a triangle from `displayColor`, whatever its interpolation; grey where it is absent."""
     variable = UsdGeom.PrimvarsAPI(mesh).FindPrimvarWithInheritance("displayColor")
@@ -193,13 +193,26 @@ def display_colour(
     if not values:
         return np.full((len(triangles), 3), GREY)
     linear, kind = np.asarray(values, np.float64), variable.GetInterpolation()
-    if kind == UsdGeom.Tokens.uniform:
-        linear = linear[polygon]
-    elif kind in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
-        linear = linear[triangles].mean(axis=1)
-    elif kind == UsdGeom.Tokens.faceVarying:
-        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(EARLIEST))
-        linear = np.add.reduceat(linear, np.cumsum(counts) - counts)[polygon] / counts[polygon, None]
-    else:
+    if kind == UsdGeom.Tokens.constant or not mesh.GetPrim().IsA(UsdGeom.Mesh):
         linear = np.broadcast_to(linear[0], (len(triangles), 3))
-    return srgb_from_linear(linear).clip(0.0, 1.0)
+    elif kind == UsdGeom.Tokens.uniform:
+        linear = _picked(linear, polygon, mesh, "displayColor")
+    elif kind in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying):
+        linear = _picked(linear, triangles, mesh, "displayColor").mean(axis=1)
+    else:
+        counts = np.asarray(UsdGeom.Mesh(mesh).GetFaceVertexCountsAttr().Get(EARLIEST))
+        _picked(linear, np.array([counts.sum() - 1]), mesh, "displayColor")
+        linear = np.add.reduceat(linear[: counts.sum()], (np.cumsum(counts) - counts).clip(0, counts.sum() - 1))
+        linear = linear[polygon] / counts[polygon, None]
+    return srgb_from_linear(linear.clip(0.0)).clip(0.0, 1.0)
+
+
+def _picked(values: np.ndarray, rows: np.ndarray, mesh: UsdGeom.Gprim, name: str) -> np.ndarray:
+    """Values of a primvar at rows that it must have."""
+    if rows.size and rows.max() >= len(values):
+        raise UserError(
+            "invalid",
+            f"{mesh.GetPath()}: primvar {name} has {len(values)} values, fewer than its interpolation needs",
+            "export it again",
+        )
+    return values[rows]

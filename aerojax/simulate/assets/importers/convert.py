@@ -102,7 +102,7 @@ def _place(stage: Usd.Stage, prim: Sdf.Path, model: ImportedModel, up: str) -> N
     operation = UsdGeom.Xformable(stage.GetPrimAtPath(prim)).AddTransformOp()
     operation.Set(row_matrix(turn))
     stage.GetRootLayer().Save()
-    found = survey(load_animated_mesh(Path(stage.GetRootLayer().realPath)))
+    found = survey(load_animated_mesh(Path(stage.GetRootLayer().realPath), called=str(model.file)))
     automatic = model.scale == "auto"
     factor = 1.0 / length_by_class(found, model.label, str(model.file)) if automatic else float(model.scale)
     turn[:3] *= factor

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import Ar, Gf, Sdf, Tf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Ar, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
 
 from aerojax.core.errors import UserError
 from aerojax.simulate.assets.importers.textures import decode_image
 from aerojax.simulate.assets.paint.texture_file import write_texture
 from aerojax.simulate.usd.authoring import TIME_CODES_PER_SECOND
+from aerojax.simulate.usd.opening import open_complete, time_span
 
 
 @dataclass(frozen=True)
@@ -34,19 +35,16 @@ def open_source(path: Path, animation: int | str | None, speed: float) -> Source
         raise UserError(
             "invalid", f"{path}: animation is {animation!r}, but a USD stage has one timeline", "use 0 or none"
         )
-    try:
-        source = Usd.Stage.Open(str(path))
-    except Tf.ErrorException as error:
-        raise UserError("unreadable", f"{path} is not a readable USD file", "export it again") from error
-    rate, start = source.GetTimeCodesPerSecond(), source.GetStartTimeCode()
-    seconds = max(0.0, (source.GetEndTimeCode() - start) / rate / speed)
+    source = open_complete(path)
+    rate, (start, end) = source.GetTimeCodesPerSecond(), time_span(source)
+    seconds = (end - start) / rate / speed
     stage = Usd.Stage.CreateInMemory()
     stage.SetTimeCodesPerSecond(TIME_CODES_PER_SECOND)
     stage.GetRootLayer().subLayerPaths.append(str(path))
     # USD itself scales a sublayer's time by the ratio of the two rates; the offset acts after that.
     offset = Sdf.LayerOffset(-start * TIME_CODES_PER_SECOND / rate / speed, 1.0 / speed)
     stage.GetRootLayer().subLayerOffsets[0] = offset
-    while instances := [prim for prim in stage.Traverse() if prim.IsInstance()]:
+    while instances := [prim for prim in stage.TraverseAll() if prim.IsInstance()]:
         for prim in instances:
             prim.SetInstanceable(False)
     still = animation is None or seconds == 0.0
@@ -68,9 +66,8 @@ def copy_source(stage: Usd.Stage, model: Sdf.Path, source: SourceStage, target: 
         UserError: if a texture is missing or not readable.
     """
     UsdGeom.Xform.Define(stage, model)
-    for prim in source.layer.rootPrims:
-        if prim.specifier == Sdf.SpecifierDef:
-            Sdf.CopySpec(source.layer, prim.path, stage.GetRootLayer(), model.AppendChild(prim.name))
+    for prim in source.layer.rootPrims:  # classes and overs too: prototypes of instancers are often such
+        Sdf.CopySpec(source.layer, prim.path, stage.GetRootLayer(), model.AppendChild(prim.name))
     _redirect(stage, model)
     for prim in [p for p in Usd.PrimRange(stage.GetPrimAtPath(model)) if _is_light_or_camera(p)]:
         stage.RemovePrim(prim.GetPath())
@@ -78,8 +75,8 @@ def copy_source(stage: Usd.Stage, model: Sdf.Path, source: SourceStage, target: 
         prim.ClearMetadata("kind")
         if source.still:
             _keep_first_sample(prim)
-        if prim.IsA(UsdGeom.Mesh):
-            _author_extent(UsdGeom.Mesh(prim))
+        if prim.IsA(UsdGeom.Boundable):
+            _author_extent(UsdGeom.Boundable(prim))
     _copy_textures(stage, model, source, target)
 
 
@@ -113,14 +110,13 @@ def _keep_first_sample(prim: Usd.Prim) -> None:
             attribute.Set(value)
 
 
-def _author_extent(mesh: UsdGeom.Mesh) -> None:
-    """Author the extent that a mesh lacks."""
-    points = mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime())
-    if points and not mesh.GetExtentAttr().HasAuthoredValue():
-        bounds = Gf.Range3f()
-        for point in points:
-            bounds.UnionWith(point)
-        mesh.CreateExtentAttr([bounds.GetMin(), bounds.GetMax()])
+def _author_extent(prim: UsdGeom.Boundable) -> None:
+    """Author the extent that a prim lacks, where it has one."""
+    if prim.GetExtentAttr().HasAuthoredValue() or prim.GetPrim().IsA(UsdSkel.Root):
+        return
+    extent = UsdGeom.Boundable.ComputeExtentFromPlugins(prim, Usd.TimeCode.EarliestTime())
+    if extent:
+        prim.CreateExtentAttr(extent)
 
 
 def _copy_textures(stage: Usd.Stage, model: Sdf.Path, source: SourceStage, target: Path) -> None:

@@ -1,0 +1,84 @@
+"""Open a USD stage as it was meant: nothing that it names is missing, its units and its time are known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from pxr import Gf, Pcp, Tf, Usd, UsdGeom
+
+from aerojax.core.errors import UserError
+
+INSTANCES_TOO = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+"""Prims that are drawn where they stand, those of native instances among them."""
+_BROKEN_ARCS = (
+    Pcp.ErrorInvalidAssetPath,
+    Pcp.ErrorInvalidSublayerPath,
+    Pcp.ErrorUnresolvedPrimPath,
+    Pcp.ErrorInvalidPrimPath,
+    Pcp.ErrorArcCycle,
+    Pcp.ErrorSublayerCycle,
+)
+
+
+def open_complete(path: Path) -> Usd.Stage:
+    """Open a USD file with all that it refers to.
+
+    USD itself composes what it finds and leaves out the rest; a model without its wing would pass for a model.
+
+    Raises:
+        UserError: the file does not exist or is not readable; a sublayer, reference or payload leads nowhere; its unit
+            or its axes are none that USD has.
+    """
+    if not path.is_file():
+        raise UserError("missing", f"asset {path} does not exist", "check the path or build the assets first")
+    try:
+        stage = Usd.Stage.Open(str(path))
+    except Tf.ErrorException as error:
+        raise UserError("unreadable", f"asset {path} is not a readable USD file", "export it again") from error
+    for error in stage.GetCompositionErrors():
+        if isinstance(error, _BROKEN_ARCS):
+            remedy = "put the file where the stage looks for it, or take that sublayer, reference or payload out"
+            raise UserError("missing", f"{path}: {str(error).rstrip('.')}", remedy)
+    metres, up = UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage)
+    if not 0 < metres < math.inf:
+        raise UserError("invalid", f"{path}: metersPerUnit is {metres}", "set it to the metres of one unit")
+    if up not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
+        raise UserError("invalid", f"{path}: upAxis is {up}", "USD has Y and Z; set either")
+    return stage
+
+
+def body_from_stage(stage: Usd.Stage) -> Gf.Matrix4d:
+    """What brings the stage to metres and +Z up, acting on row vectors as USD's matrices do."""
+    matrix = Gf.Matrix4d().SetScale(UsdGeom.GetStageMetersPerUnit(stage))
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
+        matrix *= Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), 90.0))
+    return matrix
+
+
+def time_span(stage: Usd.Stage) -> tuple[float, float]:
+    """First and last time code: what the stage says, else those of its samples; both 0 where nothing is sampled.
+
+    Raises:
+        UserError: the stage's range or rate is not finite, or the rate not positive.
+    """
+    layer, rate = stage.GetRootLayer(), stage.GetTimeCodesPerSecond()
+    first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    if not 0 < rate < math.inf:
+        raise UserError(
+            "invalid", f"{layer.realPath}: timeCodesPerSecond is {rate}", "set it to the time codes of one second"
+        )
+    if not stage.HasAuthoredTimeCodeRange():
+        times = [
+            t
+            for prim in stage.Traverse(INSTANCES_TOO)
+            for a in prim.GetAuthoredAttributes()
+            for t in a.GetTimeSamples()
+        ]
+        first = first if layer.HasStartTimeCode() else min(times, default=0.0)
+        last = last if layer.HasEndTimeCode() else max(times, default=first)
+    if not math.isfinite(last - first):
+        raise UserError(
+            "invalid", f"{layer.realPath}: startTimeCode is {first}, endTimeCode {last}", "set both to real time codes"
+        )
+    return first, max(first, last)
