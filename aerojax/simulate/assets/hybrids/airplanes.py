@@ -42,8 +42,8 @@ def draw_hybrid_airplane(rng: np.random.Generator) -> AirplaneParameters:
         bulk = float(rng.uniform(*BULK))
         p = replace(
             p,
-            width=max(p.width, min(bulk * p.width, 0.3 * p.length, 0.2)),
-            height=max(p.height, min(bulk * p.height, 0.3 * p.length, 0.2)),
+            width=max(p.width, min(bulk * p.width, 0.23 * p.length, 0.2)),
+            height=max(p.height, min(bulk * p.height, 0.23 * p.length, 0.2)),
             thickness=min(bulk * p.thickness, 0.2),
         )
     if rng.random() < OTHER_BLADES:

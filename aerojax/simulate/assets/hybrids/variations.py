@@ -115,7 +115,9 @@ def _reduced(parts: Sequence[Part], label: str, config: VariationConfig, rng: np
         if part.name in REMOVABLE[label] and rng.random() < config.without:
             continue
         if part.name in THINNABLE[label] and rng.random() < config.thinned:
-            part = replace(part, mesh=thinned(part.mesh, rng))
+            mesh = thinned(part.mesh, rng)
+            if part.name != "tail" or _attached(mesh, parts[0].mesh):
+                part = replace(part, mesh=mesh)
         kept.append(part)
     return tuple(kept)
 
@@ -129,15 +131,28 @@ def solids(mesh: Mesh) -> Int[np.ndarray, "vertex"]:
 
 
 def thinned(mesh: Mesh, rng: np.random.Generator) -> Mesh:
-    """The mesh without a quarter to a half of its solids, but at least one; one solid stays as it is."""
+    """The mesh without the solids on one side: up to half of them, those nearest to one of them in plan view.
+
+    A leg goes with its wheel; one solid stays in any case.
+    """
     number = solids(mesh)
     count = int(number.max()) + 1
     if count < 2:
         return mesh
-    kept = rng.permutation(count)[: max(1, count - max(1, int(count * rng.uniform(0.25, 0.5))))]
+    middle = np.stack([np.bincount(number, mesh.points[:, i]) for i in (0, 1)], axis=1) / np.bincount(number)[:, None]
+    away = np.linalg.norm(middle - middle[int(rng.integers(count))], axis=1)
+    kept = np.argsort(away, kind="stable")[max(1, int(count * rng.uniform(0.2, 0.5))) :]
     inside = np.isin(number, kept)
     place = np.cumsum(inside) - 1
     return Mesh(mesh.points[inside], place[mesh.faces[inside[mesh.faces[:, 0]]]])
+
+
+def _attached(mesh: Mesh, body: Mesh) -> bool:
+    """Whether the bounding box of every solid meets the body's: a tailplane may not float where a fin carried it."""
+    low, high = body.points.min(axis=0), body.points.max(axis=0)
+    number = solids(mesh)
+    pieces = [mesh.points[number == i] for i in range(int(number.max()) + 1)]
+    return all(bool((p.min(axis=0) <= high).all() and (p.max(axis=0) >= low).all()) for p in pieces)
 
 
 def angular(mesh: Mesh, cell: float) -> tuple[Mesh, Int[np.ndarray, "vertex"]]:
