@@ -1,57 +1,61 @@
-"""Wavefront OBJ files with their materials as imported scenes."""
+"""Wavefront OBJ files with their materials as imported scenes.
+
+Read here and not with trimesh, which fans concave faces, drops vertex colours that not every vertex has, and reads no
+names with blanks.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import shlex
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from aerojax.core.errors import UserError
+from aerojax.simulate.assets.importers.mtl import Paint, Palette, find_beside, numbers, read_library, statements
 from aerojax.simulate.assets.importers.scene import ImportedScene, Material, Node, Surface
+from aerojax.simulate.assets.mesh.polygons import triangulate
 
 Corner = tuple[int, int, int]
 """Rows of a corner's position, texture coordinate and normal; -1 for none."""
+_PLAIN, _WHITE = Paint(Material()), Paint(Material(colour=(1.0, 1.0, 1.0)))
 
 
 @dataclass
 class _Reading:
-    """What has been read so far; faces are kept by object and material."""
+    """What has been read so far; polygons are kept by object and material. Colours are by row of `points`."""
 
     path: Path
     points: list[list[float]] = field(default_factory=list)
+    colours: dict[int, list[float]] = field(default_factory=dict)
     st: list[list[float]] = field(default_factory=list)
     normals: list[list[float]] = field(default_factory=list)
-    faces: dict[tuple[str, str], list[tuple[Corner, Corner, Corner]]] = field(default_factory=dict)
-    materials: dict[str, Material] = field(default_factory=dict)
-    textures: list[bytes] = field(default_factory=list)
+    faces: dict[tuple[str, str], list[list[Corner]]] = field(default_factory=dict)
+    palette: Palette = field(default_factory=Palette)
+    part: str = "model"
+    material: str = ""
 
 
 def load_wavefront(path: Path) -> ImportedScene:
-    """Read an OBJ file: polygons become fans, objects and groups become nodes; lines, points and curves are left out.
+    """Read an OBJ file: objects and groups become nodes; lines, points and curves are left out.
+
+    Concave polygons are clipped ear by ear. Vertices without a colour beside others that have one are white; colours
+    above 1 are out of 255.
 
     Raises:
         UserError: if a line or a number in it is not understood, or a material library or a texture is missing.
     """
-    reading, part, material = _Reading(path), "model", ""
-    for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), start=1):
-        word, _, rest = line.strip().partition(" ")
+    reading = _Reading(path)
+    for number, word, rest in statements(path):
         try:
-            if word in ("o", "g"):
-                part = rest.strip() or "model"
-            elif word == "usemtl":
-                material = rest.strip()
-            elif word == "mtllib":
-                _read_library(reading, path.parent / rest.strip())
-            elif word == "f":
-                reading.faces.setdefault((part, material), []).extend(_fan(reading, rest.split()))
-            elif word in ("v", "vt", "vn"):
-                {"v": reading.points, "vt": reading.st, "vn": reading.normals}[word].append([*map(float, rest.split())])
-        except (ValueError, IndexError) as error:
+            _read_statement(reading, word, rest)
+        except (ValueError, IndexError, OverflowError) as error:
             if isinstance(error, UserError):
                 raise
             raise UserError(
-                "unreadable", f"{path}: line {number} is not understood ({line.strip()!r})", "export it again"
+                "unreadable", f"{path}: line {number} is not understood ({f'{word} {rest}'!r})", "export it again"
             ) from error
     if not reading.faces:
         raise UserError("missing", f"{path}: holds no faces", "export the model as a mesh")
@@ -59,12 +63,47 @@ def load_wavefront(path: Path) -> ImportedScene:
     nodes = tuple(
         Node(name, surfaces=tuple(_surface(reading, *key) for key in reading.faces if key[0] == name)) for name in parts
     )
-    return ImportedScene(nodes, textures=tuple(reading.textures))
+    return ImportedScene(nodes, textures=tuple(reading.palette.textures))
 
 
-def _fan(reading: _Reading, words: list[str]) -> list[tuple[Corner, Corner, Corner]]:
-    corners = [_corner(reading, word) for word in words]
-    return [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
+def _read_statement(reading: _Reading, word: str, rest: str) -> None:
+    if word in ("o", "g"):
+        reading.part = rest or "model"
+    elif word == "usemtl":
+        reading.material = rest
+    elif word == "mtllib":
+        for library in _libraries(reading.path, rest):
+            read_library(library, reading.palette)
+    elif word == "f":
+        corners = [_corner(reading, text) for text in rest.partition("#")[0].split()]
+        if len(corners) > 2:
+            reading.faces.setdefault((reading.part, reading.material), []).append(corners)
+    elif word == "v":
+        values = numbers(rest)
+        if len(values) >= 6:  # with a seventh number it is x y z r g b a
+            reading.colours[len(reading.points)] = values[3:6]
+        x, y, z = values[:3]
+        reading.points.append([x, y, z])
+    elif word == "vt":
+        u, v = (*numbers(rest), 0.0)[:2]
+        reading.st.append([u, v])
+    elif word == "vn":
+        x, y, z = map(float, rest.partition("#")[0].split())
+        reading.normals.append([x, y, z])
+
+
+def _libraries(path: Path, rest: str) -> list[Path]:
+    """Files of an `mtllib`: one name, perhaps with blanks, or several."""
+    if whole := find_beside(path.parent, rest):
+        return [whole]
+    names = shlex.split(rest.replace("\\", "/"))
+    found = [find_beside(path.parent, name) for name in names]
+    missing = [name for name, file in zip(names, found, strict=True) if file is None] if len(names) > 1 else [rest]
+    if missing:
+        raise UserError(
+            "missing", f"{path}: its material library {', '.join(missing)} is missing", "keep it beside the model"
+        )
+    return [file for file in found if file is not None]
 
 
 def _corner(reading: _Reading, word: str) -> Corner:
@@ -76,61 +115,37 @@ def _corner(reading: _Reading, word: str) -> Corner:
         if text and not 0 <= row < len(table):
             raise IndexError(word)
         rows.append(row)
+    if rows[0] < 0:
+        raise IndexError(word)
     return rows[0], rows[1], rows[2]
 
 
 def _surface(reading: _Reading, part: str, material: str) -> Surface:
     """Triangles of one object and material; corners that agree in everything share a vertex."""
-    corners = np.array(reading.faces[part, material], np.int64).reshape(-1, 3)
+    polygons = reading.faces[part, material]
+    corners = np.array([corner for polygon in polygons for corner in polygon], np.int64).reshape(-1, 3)
     rows, index = np.unique(corners, axis=0, return_inverse=True)
+    index = index.reshape(-1)
     points = np.array([reading.points[i] for i in rows[:, 0]], np.float64)
+    colours = _colours(reading, rows[:, 0].tolist())
+    paint = reading.palette.paints.get(material, _PLAIN if colours is None else _WHITE)
+    triangles, _ = triangulate(points, np.array([len(p) for p in polygons], np.int64), index)
     textured, smooth = (rows[:, 1] >= 0).all(), (rows[:, 2] >= 0).all()
+    st = np.array([reading.st[i] for i in rows[:, 1]]) * paint.scale + paint.offset if textured else None
     return Surface(
-        points=points[:, :3].astype(np.float32),
-        faces=index.reshape(-1, 3),
-        material=reading.materials.get(material, Material()),
+        points=points.astype(np.float32),
+        faces=index[triangles],
+        material=paint.material,
         normals=np.array([reading.normals[i] for i in rows[:, 2]], np.float32) if smooth else None,
-        st=np.array([reading.st[i][:2] for i in rows[:, 1]], np.float32) if textured else None,
-        colours=points[:, 3:6].astype(np.float32) if points.shape[1] >= 6 else None,
+        st=None if st is None else st.astype(np.float32),
+        colours=colours,
     )
 
 
-def _read_library(reading: _Reading, path: Path) -> None:
-    """Materials of an MTL file: Kd (linear), d or Tr, Ns or Pr, Pm and map_Kd."""
-    if not path.is_file():
-        raise UserError(
-            "missing", f"{reading.path}: its material library {path.name} is missing", "keep it beside the model"
-        )
-    name = ""
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        word, _, rest = line.strip().partition(" ")
-        if word == "newmtl":
-            name = rest.strip()
-            reading.materials[name] = Material(name=name)
-        elif name:
-            reading.materials[name] = _with(reading, reading.materials[name], word, rest.split(), path)
-
-
-def _with(reading: _Reading, material: Material, word: str, values: list[str], library: Path) -> Material:
-    """The material with one more statement."""
-    if word == "Kd":
-        red, green, blue = map(float, values[:3])
-        return replace(material, colour=(red, green, blue))
-    if word in ("d", "Tr"):
-        opacity = float(values[-1]) if word == "d" else 1.0 - float(values[-1])
-        return replace(material, opacity=opacity)
-    if word == "Ns":  # Blinn's exponent n as a microfacet width sqrt(2 / (n + 2)), which is roughness squared
-        return replace(material, roughness=float((2.0 / (float(values[0]) + 2.0)) ** 0.25))
-    if word == "Pr":
-        return replace(material, roughness=float(values[0]))
-    if word == "Pm":
-        return replace(material, metallic=float(values[0]))
-    if word == "map_Kd":
-        texture = library.parent / values[-1].replace("\\", "/")
-        if not texture.is_file():
-            raise UserError(
-                "missing", f"{library}: map_Kd names {values[-1]}, which is missing", "keep it beside the library"
-            )
-        reading.textures.append(texture.read_bytes())
-        return replace(material, texture=len(reading.textures) - 1)
-    return material
+def _colours(reading: _Reading, rows: list[int]) -> Float[np.ndarray, "vertex 3"] | None:
+    if not any(row in reading.colours for row in rows):
+        return None
+    most = max(max(colour) for colour in reading.colours.values())
+    whole = 255.0 if most > 1.0 else 1.0
+    white = [whole] * 3
+    return np.array([reading.colours.get(row, white) for row in rows], np.float32) / np.float32(whole)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from support.model_imports import import_model
@@ -78,3 +79,33 @@ def test_usd_refusals(tmp_path, name, missing, imported):
         import_model(tmp_path, path, "forward: +X") if imported else load_animated_mesh(path)
     assert caught.value.code == "missing" and missing in caught.value.problem
     assert caught.value.problem.startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        *[(name, BOX) for name in ("bom", "cont", "tabs", "tabm", "rgb", "space", "quoted")],
+        ("L2", ((2.0, 2.0, 0.0), 4, 3.0)),
+        ("U", ((3.0, 2.0, 0.0), 6, 5.0)),
+    ],
+)
+def test_obj_values(tmp_path, name, expected):
+    """Shapes; a red material behind tabs; a picture behind names with blanks; one red corner among white ones."""
+    mesh = import_model(tmp_path, INPUTS / "obj" / f"{name}.obj")
+    _check(mesh, expected)
+    if name == "tabm":
+        assert mesh.albedo == pytest.approx(np.tile([1.0, 0.0, 0.0], (12, 1)))
+    if name in ("space", "quoted"):
+        picture = cv2.imread(str(INPUTS / "obj" / "my texture.png"))[:, :, ::-1]
+        assert (mesh.texture == 0).all() and np.array_equal(mesh.textures[0], picture)
+        assert mesh.uv.min() == 0.0 and mesh.uv.max() == 1.0
+    if name == "rgb":  # the mean of a red and two white corners in linear light, encoded
+        pale = 1.055 * (2 / 3) ** (1 / 2.4) - 0.055
+        red = (mesh.faces == 0).any(axis=1)
+        assert mesh.albedo[red] == pytest.approx(np.tile([1.0, pale, pale], (red.sum(), 1)), abs=1e-6)
+        assert 3 <= red.sum() <= 6 and mesh.albedo[~red] == pytest.approx(1.0)
+
+
+def test_obj_refusals(tmp_path):
+    with pytest.raises(UserError, match=r"nan\.obj: line 1 is not understood \('v nan nan nan'\); export it again"):
+        import_model(tmp_path, INPUTS / "obj" / "nan.obj")
