@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
 import jax
@@ -58,8 +59,12 @@ def render(
     `jax.jit`, `jax.grad`, `jax.vmap` and `jax.lax.scan` work on it. Gradients are true derivatives inside one branch of
     the rules' decisions; ∂depth/∂z_i = alpha_i T_i beside the weights' own part.
 
+    Computed, and returned, in float64 if an attribute of the Gaussians is float64, else in float32: attributes of other
+    floating-point types (float16, bfloat16) are cast to it, and so are the camera and the background, of whatever type.
+    Gradients have the types of the arguments.
+
     Args:
-        gaussians: world frame.
+        gaussians: world frame, any floating-point types.
         camera: OpenCV cameras; skew is ignored. One with a non-finite entry sees only the background.
         background: RGB behind everything.
         antialias: scale opacity by the area that the 0.3-pixel low-pass adds (Yu et al. 2024), so that thin Gaussians
@@ -69,7 +74,8 @@ def render(
         backend: "warp", or "reference": plain JAX, slow.
 
     Raises:
-        UserError: unknown `rules`, or a number of colour coefficients other than 1, 4, 9 or 16.
+        UserError: unknown `rules`, a number of colour coefficients other than 1, 4, 9 or 16, or attributes that are
+            integers, booleans or complex, whose unit nobody knows (an opacity of 0..255?).
     """
     if rules not in RULES:
         raise UserError("invalid", f"rules: unknown name {rules!r}", f"choose one of {', '.join(RULES)}")
@@ -92,10 +98,19 @@ def render(
         return *images[:3], jnp.sum(~finite)
 
     signature = "(n,x),(n,q),(n,x),(n),(n,k,x),(x,x),(q,q),(x)->(h,w,x),(h,w),(h,w),()"
-    arrays = (gaussians.mean, gaussians.quaternion, gaussians.scale, gaussians.opacity, gaussians.sh)
-    dtype = gaussians.mean.dtype
-    others = [jnp.asarray(x, dtype) for x in (camera.K, camera.world_from_cam, background)]
-    return Rendering(*jnp.vectorize(one, signature=signature)(*_equal_batch_ranks(*arrays, *others)))
+    attributes = (gaussians.mean, gaussians.quaternion, gaussians.scale, gaussians.opacity, gaussians.sh)
+    dtype = _computed_in(gaussians)
+    arrays = [jnp.asarray(x, dtype) for x in (*attributes, camera.K, camera.world_from_cam, background)]
+    return Rendering(*jnp.vectorize(one, signature=signature)(*_equal_batch_ranks(*arrays)))
+
+
+def _computed_in(gaussians: Gaussians) -> jnp.dtype:
+    """The type to compute in: float64 if an attribute has it, else float32."""
+    kinds = {field.name: getattr(gaussians, field.name).dtype for field in dataclasses.fields(gaussians)}
+    wrong = [f"{name} is {kind}" for name, kind in kinds.items() if not jnp.issubdtype(kind, jnp.floating)]
+    if wrong:
+        raise UserError("invalid", f"gaussians: {', '.join(wrong)}", "give floating-point numbers")
+    return jnp.dtype("float64" if jnp.dtype("float64") in kinds.values() else "float32")
 
 
 def _equal_batch_ranks(*arrays: Array) -> list[Array]:

@@ -17,7 +17,7 @@ from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Float, Int
 
 from kernels.splat.launch import callables
-from kernels.splat.projection import ALPHA_MIN, RULES, Shape, Splats, project, usable
+from kernels.splat.projection import ALPHA_MIN, RULES, Shape, Splats, project, require_one_float, usable
 from kernels.splat.warp_kernels import GRADIENT
 
 _MARGIN = 1e-3
@@ -134,12 +134,14 @@ def blend(
         Colour, un-normalised depth (metres, the background adds nothing) and alpha.
 
     Raises:
+        TypeError: splats and colours are not both float32 or both float64.
         jax.errors.JaxRuntimeError: if more than 2³¹-1 Gaussian-tile pairs are needed; the message names the number.
     """
     dtype = colour.dtype
+    require_one_float(centre=splats.centre, colour=colour)
     if colour.shape[0] == 0:
         empty = jnp.zeros((height, width), dtype)
-        return jnp.broadcast_to(background, (height, width, 3)), empty, empty
+        return jnp.broadcast_to(background.astype(dtype), (height, width, 3)), empty, empty
     return _blend(splats, colour, background.astype(dtype), width, height, rules)
 
 
@@ -171,7 +173,12 @@ def splat(
     Returns:
         Colour, un-normalised depth Σ z alpha T, alpha, and how many Gaussians were dropped for non-finite attributes.
         Gradients reach every floating-point argument. Depth passes d/dz_i = alpha_i T_i on, and through the weights.
+
+    Raises:
+        TypeError: the arrays (but the background, which is cast) are not all float32 or all float64; names them.
     """
+    attributes = {"mean": mean, "quaternion": quaternion, "scale": scale, "opacity": opacity, "colour": colour}
+    require_one_float(**attributes, K=K, camera_from_world=camera_from_world)
     finite = usable(mean, quaternion, scale, opacity, colour)
     splats = project(mean, quaternion, scale, opacity, K, camera_from_world, finite, shape)
     colour = jnp.where(finite[:, None], colour, 0)

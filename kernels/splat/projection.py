@@ -84,6 +84,18 @@ class Shape(NamedTuple):
     antialias: bool
 
 
+def require_one_float(**arrays: Array) -> None:
+    """Refuse arrays that are not all float32 or all float64, the types that the kernels are compiled for.
+
+    Raises:
+        TypeError: names each array and its type.
+    """
+    kinds = {name: str(array.dtype) for name, array in arrays.items()}
+    if len(set(kinds.values())) > 1 or not set(kinds.values()) <= {"float32", "float64"}:
+        found = ", ".join(f"{name} {kind}" for name, kind in kinds.items())
+        raise TypeError(f"the splatter computes in float32 or in float64, all arrays in the same; got {found}")
+
+
 def rotation_of(quaternion: Float[Array, "gaussian 4"]) -> Float[Array, "gaussian 3 3"]:
     """Rotation matrices of (w, x, y, z), normalised first; the zero quaternion gives the identity."""
     square = jnp.sum(quaternion * quaternion, axis=-1, keepdims=True)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from kernels.splat.projection import ALPHA_MIN, RULES, TILE, Shape, Splats, project, usable
+from kernels.splat.projection import ALPHA_MIN, RULES, TILE, Shape, Splats, project, require_one_float, usable
 
 
 def blend(
@@ -23,6 +23,7 @@ def blend(
     rules: str = "inria",
 ) -> tuple[Float[Array, "height width 3"], Float[Array, "height width"], Float[Array, "height width"]]:
     """Front-to-back alpha blending of screen-space splats; same meaning as `kernels.splat.blend.blend`."""
+    require_one_float(centre=splats.centre, colour=colour)
     alpha_max, stop = RULES[rules].alpha_max, RULES[rules].stop(jnp.dtype(colour.dtype))
     order = jnp.argsort(splats.depth, stable=True)
     v, u = jnp.meshgrid(jnp.arange(height, dtype=colour.dtype), jnp.arange(width, dtype=colour.dtype), indexing="ij")
@@ -50,7 +51,7 @@ def blend(
     start = (zero + 1, jnp.zeros((height, width, 3), colour.dtype), zero, jnp.zeros((height, width), bool))
     ordered = jax.tree.map(lambda x: x[order], (splats, colour))
     (transmittance, image, depth, _), _ = jax.lax.scan(step, start, ordered)
-    return image + transmittance[..., None] * background[None, None], depth, 1 - transmittance
+    return image + transmittance[..., None] * background.astype(colour.dtype)[None, None], depth, 1 - transmittance
 
 
 def splat(
@@ -66,6 +67,8 @@ def splat(
     shape: Shape,
 ) -> tuple[Float[Array, "height width 3"], Float[Array, "height width"], Float[Array, "height width"], Int[Array, ""]]:
     """Draw 3D Gaussians in plain JAX; same arguments, results and gradients as `kernels.splat.blend.splat`."""
+    attributes = {"mean": mean, "quaternion": quaternion, "scale": scale, "opacity": opacity, "colour": colour}
+    require_one_float(**attributes, K=K, camera_from_world=camera_from_world)
     finite = usable(mean, quaternion, scale, opacity, colour)
     splats = project(mean, quaternion, scale, opacity, K, camera_from_world, finite, shape)
     colour = jnp.where(finite[:, None], colour, 0)
