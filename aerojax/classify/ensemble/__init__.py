@@ -1,0 +1,1 @@
+"""Several networks of one kind, trained side by side, whose probabilities are averaged."""
