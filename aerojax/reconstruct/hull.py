@@ -13,7 +13,7 @@ import functools
 import itertools
 import operator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -130,6 +130,7 @@ def cam_from_world_rows(world_from_cam: Float[AnyArray, "*batch 4 4"]) -> Float[
 
 def _halves(values: Float[AnyArray, "*shape"]) -> tuple[Float[AnyArray, "*shape"], Float[AnyArray, "*shape"]]:
     """float32 as the sum of two numbers of 12 significant bits each."""
+    high: Any  # of the same kind as the values
     if isinstance(values, np.ndarray):
         high = (values.view(np.int32) & -4096).view(np.float32)
     else:
