@@ -158,19 +158,29 @@ class MambaSplat(nnx.Module):
     def prefixes(
         self, columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"]
     ) -> Float[Array, "time label"]:
-        """Logits after each frame, all from one pass over the clip, whose scale they share.
+        """Logits after each frame, all from one pass over the clip, whose scale they share."""
+        return jax.vmap(self.head)(self.readouts(columns, mask)[0])
+
+    def readouts(
+        self,
+        columns: Float[Array, "time token 14"],
+        mask: Bool[Array, "time token"],
+        *,
+        key: Key[Array, ""] | None = None,
+    ) -> tuple[Float[Array, "time width"], Bool[Array, "time"]]:
+        """What the head reads after each frame, zero before the first that counts, and whether there was one.
 
         What is read out after t frames is the mean, or the last, of the encoded valid frames up to t, and the encoder
         is causal: nothing is computed twice.
         """
         features, valid = self.frame_features(columns, mask)
-        encoded, first = self._encode(features, valid, None)
+        encoded, first = self._encode(features, valid, key)
         if self.config.readout == "mean":
             weights = first.astype(encoded.dtype)[:, None]
             encoded = jnp.cumsum(encoded * weights, axis=0) / jnp.maximum(jnp.cumsum(weights, axis=0), 1.0)
         count = jnp.cumsum(valid)
         read = jnp.where(count[:, None] > 0, encoded[jnp.maximum(count - 1, 0)], jnp.zeros((), encoded.dtype))
-        return jax.vmap(self.head)(read)
+        return read, count > 0
 
     def initial_state(self) -> StreamState:
         """The state of a stream before its first frame."""
@@ -189,6 +199,13 @@ class MambaSplat(nnx.Module):
             mask: valid tokens; a frame without any leaves the state as it was.
             state: from `initial_state` or the last step.
         """
+        read, state = self.advance(columns, mask, state)
+        return self.head(read), state
+
+    def advance(
+        self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], state: StreamState
+    ) -> tuple[Float[Array, "width"], StreamState]:
+        """What the head reads after one more frame; as `step`."""
         normalised, extra, scale = normalise_after(state.scale, columns[None], mask[None], self.config)
         embedding, temporal = self.describe(normalised[0], mask, extra[0]), state.temporal
         if self.temporal is not None and temporal is not None:
@@ -196,4 +213,4 @@ class MambaSplat(nnx.Module):
         following = StreamState(temporal, scale, state.total + embedding, state.count + 1, embedding)
         following = jax.tree.map(lambda new, old: jnp.where(mask.any(), new, old), following, state)
         mean = following.total / jnp.maximum(following.count, 1.0)
-        return self.head(mean if self.config.readout == "mean" else following.embedding), following
+        return mean if self.config.readout == "mean" else following.embedding, following
