@@ -74,7 +74,7 @@ def examine(classifier: Classifier, config: Config) -> dict[str, Any]:
     plan = config.test
     tokens = classifier.card.tokens * plan.token_ensembles
     size = {"frames": config.frames, "length": plan.window, "stride": plan.stride, "tokens": tokens}
-    test, val = (read_windows(config.clips, split, **size) for split in ("test", "val"))
+    test, val = read_windows(config.tests or config.clips, "test", **size), read_windows(config.clips, "val", **size)
     figures = figures_of(all_answers(classifier, test, val, plan, lambda done, total, what: None), test, plan)
     protocols = {
         p.name: {"test": p.test}

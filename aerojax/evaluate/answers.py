@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from aerojax.classify.base import Classifier, with_card
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Evidence, Gaussians
-from aerojax.data.clips import ClipSet, join_clips, load_clips
+from aerojax.data.clips import ClipSet, clip_files, join_clips, load_clips
 from aerojax.data.windows import Windows
 from aerojax.evaluate.labels import label_figures
 from aerojax.evaluate.rotations import rotate_clip
@@ -24,6 +24,18 @@ BATCH = 32
 """Clips that are read side by side."""
 TEST_ENSEMBLES = 4
 """Disjoint token subsets that the figures of a trained model average over, as the pipeline does."""
+
+
+def require_clips(folders: tuple[Path, ...], split: str) -> None:
+    """Make sure, before hours of training, that there will be something to test with.
+
+    Raises:
+        UserError: a folder has no clips of the split.
+    """
+    for folder in folders:
+        if not clip_files(folder / split):
+            remedy = "make them with experiments.generate_dataset and reconstruct_dataset, or leave the folder out"
+            raise UserError("missing", f"{folder / split} holds no clips (*.npz)", remedy)
 
 
 def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:

@@ -18,7 +18,7 @@ from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
-from aerojax.evaluate.answers import load_split, split_figures
+from aerojax.evaluate.answers import load_split, require_clips, split_figures
 from aerojax.pipeline.clips import settings_of
 from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
 from aerojax.training.loop import TrainingConfig
@@ -33,8 +33,9 @@ from experiments._launch.training_screen import training_screen
 class ClassifierTraining:
     """Data, model and optimisation of one training run.
 
-    clips: folders of `reconstruct_dataset`, one a rig, each with train/, val/ and test/.
-    also_test: further folders of which only test/ is used.
+    clips: folders of `generate_clips` or `reconstruct_dataset`, one a rig, each with train/ and val/.
+    tests: folders whose test/ is counted together; empty takes those of `clips`.
+    also_test: further folders whose test/ is counted apart.
     frames: clips are cut or padded to so many.
     tensorboard: write curves to `curves/` of the run's directory.
     distribution: the processes that train together; each needs a run directory of its own.
@@ -43,6 +44,7 @@ class ClassifierTraining:
     preset: str
     seed: int = 0
     clips: tuple[Path, ...]
+    tests: tuple[Path, ...] = ()
     also_test: tuple[Path, ...]
     frames: int = 10
     model: ClassifierConfig = field(default_factory=MambaSplatConfig)
@@ -57,8 +59,10 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
     keep_freed_memory()
     join_processes(config.distribution)
     console, start = Console(quiet=not is_first_process()), time.perf_counter()
+    counted = config.tests or config.clips
+    require_clips((*counted, *config.also_test), "test")
     classifier = _train(config, run, console)
-    tests = split_figures(classifier, config.clips, config.also_test, split="test", frames=config.frames)
+    tests = split_figures(classifier, counted, config.also_test, split="test", frames=config.frames)
     for name, figures in tests.items():
         console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
     results = {
@@ -67,6 +71,7 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
         "test_identities": tests["all"]["identities"],
         "classes": CLASSES,
         "clips": list(map(str, config.clips)),
+        "test_clips": list(map(str, counted)),
         "trained": {name: to_mapping(getattr(config, name)) for name in ("model", "variation", "training")},
         "seed": config.seed,
         "minutes": (time.perf_counter() - start) / 60,
