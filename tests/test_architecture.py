@@ -22,6 +22,7 @@ SEEN: dict[str, tuple[str, ...]] = {
     "simulate": (*DATA, "simulate"),
     **{stage: (*BASE, stage) for stage in STAGES},  # of another stage only its door, see `allowed`
     "pipeline": (*DATA, *STAGES, "pipeline"),
+    "factory": (*DATA, *STAGES, "simulate", "pipeline", "factory"),  # it flies what the pipeline reconstructs
     "evaluate": (*DATA, "evaluate"),
     "dataset_qa": (*DATA, "simulate", "evaluate", "dataset_qa"),  # it opens the stages that the simulator made
     "training": (*DATA, "evaluate", "training"),  # validation counts as evaluation does
@@ -44,6 +45,8 @@ def room_of(module: str) -> str:
         return parts[0]
     if parts[1:3] == ["evaluate", "dataset_qa"]:
         return "dataset_qa"
+    if parts[1:3] == ["pipeline", "factory"]:
+        return "factory"
     return parts[1] if len(parts) > 1 and (ROOT / "aerojax" / parts[1]).is_dir() else "package"
 
 

@@ -6,9 +6,12 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from typing import TypeVar
+
+import cv2
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -25,8 +28,7 @@ def run_jobs(work: Callable[[_Job], _Result], jobs: Iterable[_Job], *, workers: 
     if workers <= 1:
         yield from map(work, jobs)
         return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker) as pool:
+    with _pool(workers) as pool:
         try:
             for done in as_completed([pool.submit(work, job) for job in jobs]):
                 yield done.result()
@@ -35,7 +37,41 @@ def run_jobs(work: Callable[[_Job], _Result], jobs: Iterable[_Job], *, workers: 
             raise
 
 
+def run_in_order(
+    work: Callable[[_Job], _Result], jobs: Iterable[_Job], *, workers: int, ahead: int = 2
+) -> Iterator[_Result]:
+    """Results of `work(job)` in the order of the jobs; few are made before they are asked for.
+
+    Args:
+        work: a function of a module, since workers are spawned.
+        jobs: picklable; they may be endless.
+        workers: processes; 1 works in this one.
+        ahead: jobs a worker that are handed out before the first of their results is taken.
+    """
+    if workers <= 1:
+        yield from map(work, jobs)
+        return
+    waiting: deque[Future[_Result]] = deque()
+    with _pool(workers) as pool:
+        try:
+            for job in jobs:
+                waiting.append(pool.submit(work, job))
+                if len(waiting) >= ahead * workers:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        except BaseException:  # whoever asks no more ends the pool too
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _pool(workers: int) -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(workers, mp_context=context, initializer=_start_worker)
+
+
 def _start_worker() -> None:
+    cv2.setNumThreads(1)
     os.environ["XLA_FLAGS"] = (
         os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
     )  # read at first use

@@ -57,6 +57,10 @@ class Dome:
 
     def background(self, camera: CaptureCamera, time: float, caster: SceneCaster) -> Float[np.ndarray, "3"]:
         """The camera's colour."""
+        return self.behind(camera)
+
+    def behind(self, camera: CaptureCamera) -> Float[np.ndarray, "3"]:
+        """The camera's colour, sRGB, at all times."""
         return np.asarray(self.by_camera.get(camera.name, self.colour), np.float32)
 
     def through_air(

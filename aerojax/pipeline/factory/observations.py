@@ -1,0 +1,232 @@
+"""What the cameras of a planned clip see of the object: silhouettes and crops, from the window of rays alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Float32, Float64, Int
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.core.types import Box
+from aerojax.data.clips import VIEWS
+from aerojax.geometry.boxes import tight_box, touches_border
+from aerojax.geometry.triangulation import intersect_rays
+from aerojax.pipeline.factory.config import FactoryConfig
+from aerojax.pipeline.factory.plan import ClipPlan
+from aerojax.reconstruct.crop import Crop, CropSource, crop_cameras, crop_part, crop_source
+from aerojax.segment.silhouettes import FEWEST_PIXELS
+from aerojax.simulate.render.image import Window
+from aerojax.simulate.render.window import WindowRenderer
+from aerojax.simulate.usd.animated_mesh import AnimatedMesh
+from aerojax.simulate.world.sensor import expose
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """The object in one camera's image, nothing of which exists but a window.
+
+    window: x0 y0 x1 y1 of the arrays, ends exclusive.
+    rgb: sRGB, 0..1. mask: after threshold and growth. background: sRGB around the window.
+    box: of the mask, pixels of the image.
+    whole: whether it keeps clear of the image's border.
+    """
+
+    window: Window
+    rgb: Float32[np.ndarray, "rows columns 3"]
+    mask: Bool[np.ndarray, "rows columns"]
+    background: Float[np.ndarray, "3"]
+    box: Box
+    whole: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ClipCrops:
+    """Crops of every frame, padded to `VIEWS` views; cameras in frames with the rig's axes and the object at 0.
+
+    numbers: of the frames in the clip's plan.
+    rgb: sRGB. mask: coverage. valid: views that show the whole object.
+    K, crop_from_cam: of the virtual cameras, float64; the second is `world_from_cam` in the crop's frame.
+    rig_from_crop: places of the crops' frames, metres. world_from_rig: rigid.
+    width_px: longer sides of the boxes of valid views, median over the clip; distance_m: from the cameras, median.
+    """
+
+    numbers: Int[np.ndarray, "time"]
+    rgb: Float32[np.ndarray, "time view size size 3"]
+    mask: Float32[np.ndarray, "time view size size"]
+    valid: Bool[np.ndarray, "time view"]
+    K: Float64[np.ndarray, "time view 3 3"]
+    crop_from_cam: Float64[np.ndarray, "time view 4 4"]
+    rig_from_crop: Float64[np.ndarray, "time 3"]
+    world_from_rig: Float64[np.ndarray, "4 4"]
+    width_px: float
+    distance_m: float
+
+
+def see_clip(plan: ClipPlan, mesh: AnimatedMesh, config: FactoryConfig) -> list[list[Sight | None]]:
+    """Render every frame's windows: a list a frame, one entry a camera, None where it shows next to nothing."""
+    images = replace(config.images, mask_threshold=plan.faults.mask_threshold)
+    window, posed, frames = WindowRenderer(mesh, plan.environment, images), None, []
+    for frame in range(config.frames):
+        sights = []
+        for camera in plan.cameras:
+            moment = frame + camera.time_offset_s * plan.fps
+            if posed != moment:
+                window.pose(*plan.pose_at(moment))
+                posed = moment
+            sights.append(_sight(window, camera, plan.faults.mask_growth))
+        frames.append(sights)
+    return frames
+
+
+def _sight(renderer: WindowRenderer, camera: CaptureCamera, growth: int) -> Sight | None:
+    image = renderer.image(camera)
+    if image is None:
+        return None
+    window, mask = _grown(image.mask, image.window, growth, camera)
+    box = tight_box(mask, min_pixels=FEWEST_PIXELS)
+    if box is None:
+        return None
+    placed = (box[0] + window[0], box[1] + window[1], box[2] + window[0], box[3] + window[1])
+    rgb = _fitted(image.rgb, image.window, window, image.background)
+    whole = not touches_border(placed, camera.width, camera.height)
+    return Sight(window, rgb, mask, image.background, placed, whole)
+
+
+def _grown(
+    mask: Bool[np.ndarray, "rows columns"], window: Window, growth: int, camera: CaptureCamera
+) -> tuple[Window, Bool[np.ndarray, "_ _"]]:
+    """The mask dilated or eroded by pixels, four neighbours a step, in a window that holds it."""
+    if growth == 0:
+        return window, mask
+    reach = max(growth, 0)
+    x0, y0, x1, y1 = window
+    wide = (max(x0 - reach, 0), max(y0 - reach, 0), min(x1 + reach, camera.width), min(y1 + reach, camera.height))
+    bits = _fitted(mask.astype(np.uint8), window, wide, np.zeros((), np.uint8))
+    cross = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
+    if growth > 0:
+        return wide, cv2.dilate(bits, cross, iterations=growth) > 0
+    return wide, cv2.erode(bits, cross, iterations=-growth, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+
+
+def _fitted(values: np.ndarray, window: Window, wanted: Window, around: np.ndarray) -> np.ndarray:
+    """The values of one window in another one; `around` where the first does not reach."""
+    x0, y0, x1, y1 = wanted
+    out = np.empty((y1 - y0, x1 - x0, *values.shape[2:]), values.dtype)
+    out[:] = around
+    left, top, right, bottom = max(window[0], x0), max(window[1], y0), min(window[2], x1), min(window[3], y1)
+    if right > left and bottom > top:
+        part = values[top - window[1] : bottom - window[1], left - window[0] : right - window[0]]
+        out[top - y0 : bottom - y0, left - x0 : right - x0] = part
+    return out
+
+
+def crop_clip(frames: list[list[Sight | None]], plan: ClipPlan, config: FactoryConfig) -> ClipCrops | None:
+    """Cut the crops of every usable frame as `reconstruct.observe` does; None where there is none."""
+    whole = np.array([[one is not None and one.whole for one in sights] for sights in frames])
+    used = np.flatnonzero(whole.sum(axis=1) >= config.pipeline.min_views)
+    if not len(used):
+        return None
+    world_from_rig = plan.calibration[0].world_from_cam
+    rig_from_world = np.linalg.inv(world_from_rig)
+    poses = _padded(np.stack([rig_from_world @ camera.world_from_cam for camera in plan.calibration]))
+    valid = np.zeros((len(frames), VIEWS), bool)
+    valid[:, : whole.shape[1]] = whole
+    boxes = np.stack([_boxes(frames[f], valid[f]) for f in _stretched(used, len(frames))])
+    valid = valid[_stretched(used, len(frames))]
+    K = _padded(np.stack([camera.K for camera in plan.calibration]))
+    crops, centres = _aim(K, poses, boxes, valid, config.pipeline.crop_size)
+    rgb, mask = _pixels([frames[f] for f in used], used, valid, crops.crop_from_image, plan, config)
+    count = len(used)
+    in_crop = np.array(crops.camera.world_from_cam)
+    in_crop[..., :3, 3] -= centres[:, None]
+    sides = np.maximum(boxes[..., 2] - boxes[..., 0], boxes[..., 3] - boxes[..., 1])[:count][valid[:count]]
+    away = np.linalg.norm(in_crop[:count, :, :3, 3], axis=-1)[valid[:count]]
+    return ClipCrops(
+        used,
+        rgb,
+        mask,
+        valid[:count],
+        np.asarray(crops.camera.K)[:count],
+        in_crop[:count],
+        centres[:count],
+        world_from_rig,
+        float(np.median(sides)),
+        float(np.median(away)),
+    )
+
+
+def _padded(values: Float64[np.ndarray, "camera 3 3"] | Float64[np.ndarray, "camera 4 4"]) -> np.ndarray:
+    """One entry a view; views without a camera have the first one's."""
+    return values[[*range(len(values)), *[0] * (VIEWS - len(values))]]
+
+
+def _stretched(used: np.ndarray, frames: int) -> np.ndarray:
+    """Usable frames, the last repeated: one length for every clip is compiled once."""
+    return np.concatenate([used, np.repeat(used[-1:], frames - len(used))])
+
+
+def _boxes(sights: list[Sight | None], valid: Bool[np.ndarray, "view"]) -> Float64[np.ndarray, "view 4"]:
+    """Boxes of the valid views; the others have the first one's, because arrays have one shape."""
+    chosen = {view: one.box for view, one in enumerate(sights) if one is not None and valid[view]}
+    first = next(iter(chosen.values()))
+    return np.array([chosen.get(view, first) for view in range(VIEWS)], np.float64)
+
+
+def _aim(
+    K: np.ndarray, poses: np.ndarray, boxes: Float64[np.ndarray, "time view 4"], valid: np.ndarray, size: int
+) -> tuple[Crop, Float64[np.ndarray, "time 3"]]:
+    """Virtual cameras of every frame and view in the rig's frame, and where their rays meet."""
+    time = len(boxes)
+    flat = crop_cameras(np.tile(K, (time, 1, 1)), np.tile(poses, (time, 1, 1)), boxes.reshape(-1, 4), size=size)
+    crops = jax.tree.map(lambda leaf: leaf.reshape(time, VIEWS, *leaf.shape[1:]), flat)
+    with jax.enable_x64(True):
+        weights = jnp.asarray(valid, jnp.float64)
+        return crops, np.asarray(_meet(jnp.asarray(poses[:, :3, 3]), jnp.asarray(crops.ray), weights))
+
+
+@jax.jit
+def _meet(
+    origins: Float[Array, "view 3"], rays: Float[Array, "time view 3"], weights: Float[Array, "time view"]
+) -> Float[Array, "time 3"]:
+    return jax.vmap(lambda r, w: intersect_rays(origins, r, w))(rays, weights)
+
+
+def _pixels(
+    frames: list[list[Sight | None]],
+    numbers: np.ndarray,
+    valid: np.ndarray,
+    homographies: Float[np.ndarray, "time view 3 3"],
+    plan: ClipPlan,
+    config: FactoryConfig,
+) -> tuple[Float32[np.ndarray, "time view size size 3"], Float32[np.ndarray, "time view size size"]]:
+    size = config.pipeline.crop_size
+    rgb = np.zeros((len(frames), VIEWS, size, size, 3), np.float32)
+    mask = np.zeros((len(frames), VIEWS, size, size), np.float32)
+    for time, sights in enumerate(frames):
+        for view, one in enumerate(sights):
+            if one is None or not valid[time, view]:
+                continue
+            camera, homography = plan.cameras[view], homographies[time, view]
+            source = crop_source(homography, size=size, image_size=(camera.width, camera.height))
+            rng = np.random.default_rng([plan.noise_seed, view, int(numbers[time])])
+            part = np.concatenate([_recorded(one, source, plan, view, rng), _mask_part(one, source)], axis=-1)
+            both = crop_part(part, source, homography, size=size)
+            rgb[time, view], mask[time, view] = both[..., :3], both[..., 3]
+    return rgb, mask
+
+
+def _mask_part(one: Sight, source: CropSource) -> Float32[np.ndarray, "rows columns 1"]:
+    bits = _fitted(one.mask, one.window, source.window, np.zeros((), bool))
+    return bits[..., None].astype(np.float32)
+
+
+def _recorded(
+    one: Sight, source: CropSource, plan: ClipPlan, view: int, rng: np.random.Generator
+) -> Float32[np.ndarray, "rows columns 3"]:
+    """The window as the sensor stores it in bytes."""
+    part = expose(_fitted(one.rgb, one.window, source.window, one.background), plan.sensors[view], rng=rng)
+    return (np.round(np.clip(part, 0.0, 1.0) * 255.0) / 255.0).astype(np.float32)
