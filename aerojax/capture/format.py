@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float64
 
+from aerojax.capture.codecs.mask import MaskKind
 from aerojax.capture.truth import (
     JointPose,
     ObjectState,
@@ -20,7 +21,7 @@ from aerojax.capture.truth import (
     truth_from_json,
     truth_to_json,
 )
-from aerojax.capture.validate.examination import FORMAT, OPTIONAL_IMAGES, VERSION, examine
+from aerojax.capture.validate.examination import EXACT_ROTATION, FORMAT, OPTIONAL_IMAGES, VERSION, examine
 from aerojax.capture.validate.findings import refuse
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
@@ -51,6 +52,7 @@ class CaptureCamera:
     coverage: pattern of 8-bit images, the share of each pixel that objects cover (255 = all of it), or None.
     normal: pattern of 16-bit RGB images, world normals n as (n + 1)/2·65535 and 0 where there is none, or None.
     flow: pattern of two-channel float32 images, pixels right and down to the next frame, or None.
+    mask_kind: what the masks hold, "ids" of instances or "picture" of one object; None leaves it to the capture.
     """
 
     name: str
@@ -67,6 +69,7 @@ class CaptureCamera:
     coverage: str | None = None
     normal: str | None = None
     flow: str | None = None
+    mask_kind: MaskKind | None = None
 
     def pinhole(self) -> Camera:
         """The camera that took the undistorted images, as float32 arrays for JAX."""
@@ -76,13 +79,22 @@ class CaptureCamera:
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """A network of cameras that watched for `frames` frames at `fps` frames per second."""
+    """A network of cameras that watched for `frames` frames at `fps` frames per second.
+
+    missing: what to do with files that are missing or damaged: "drop" the camera from that frame, or "refuse" them.
+    warnings: what its user should know, one sentence each.
+    mask_kind: what the masks hold of cameras that do not say it, by how they look (`aerojax.capture.codecs.mask` has
+        the rule); None judges image by image.
+    """
 
     folder: Path
     fps: float
     frames: int
     cameras: tuple[CaptureCamera, ...]
     truth: Truth | None
+    missing: Literal["drop", "refuse"] = "drop"
+    warnings: tuple[str, ...] = ()
+    mask_kind: MaskKind | None = None
 
     def true_class(self, object_id: int | None) -> str | None:
         """The class that the truth gives this object, or all objects where it is None, if it gives one."""
@@ -103,10 +115,17 @@ def read_capture(folder: Path) -> Capture:
     assert raw is not None  # the validator returns it whenever there is no problem
     cameras = tuple(_camera_from_json(camera) for camera in raw["cameras"])
     truth = None if examined.truth is None else truth_from_json(examined.truth)
-    return Capture(folder, float(raw["fps"]), raw["frames"], cameras, truth)
+    warnings = tuple(str(warning) for warning in examined.warnings)
+    missing = raw.get("missing", "drop")
+    return Capture(folder, float(raw["fps"]), raw["frames"], cameras, truth, missing, warnings, examined.masks)
 
 
 def _camera_from_json(raw: dict[str, Any]) -> CaptureCamera:
+    transform = np.array(raw["world_from_cam"], dtype=np.float64)
+    rotation = transform[:3, :3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > EXACT_ROTATION:
+        left, _, right = np.linalg.svd(rotation)  # the nearest rotation, Higham 1989, §2
+        transform[:3, :3] = left @ right
     return CaptureCamera(
         name=raw["name"],
         width=raw["width"],
@@ -114,7 +133,7 @@ def _camera_from_json(raw: dict[str, Any]) -> CaptureCamera:
         K=np.array(raw["K"], dtype=np.float64),
         distortion_model=raw["distortion"]["model"],
         distortion=tuple(float(c) for c in raw["distortion"]["coefficients"]),
-        world_from_cam=np.array(raw["world_from_cam"], dtype=np.float64),
+        world_from_cam=transform,
         rgb=raw["rgb"],
         mask=raw.get("mask"),
         depth=raw.get("depth"),
@@ -122,6 +141,7 @@ def _camera_from_json(raw: dict[str, Any]) -> CaptureCamera:
         coverage=raw.get("coverage"),
         normal=raw.get("normal"),
         flow=raw.get("flow"),
+        mask_kind=raw.get("mask_kind"),
     )
 
 
@@ -140,6 +160,8 @@ def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
         )
     head = {"format": FORMAT, "version": VERSION, "fps": capture.fps, "frames": capture.frames}
     body: dict[str, Any] = {**head, "cameras": [_camera_to_json(camera) for camera in capture.cameras]}
+    if capture.missing != "drop":
+        body["missing"] = capture.missing
     if capture.truth is not None:
         body["truth"] = "truth.json"
         write_json(capture.folder / "truth.json", truth_to_json(capture.truth), indent=None)
@@ -156,7 +178,7 @@ def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
         "world_from_cam": camera.world_from_cam.tolist(),
         "rgb": camera.rgb,
     }
-    optional = {kind: getattr(camera, kind) for kind in OPTIONAL_IMAGES}
+    optional = {kind: getattr(camera, kind) for kind in (*OPTIONAL_IMAGES, "mask_kind")}
     raw |= {key: value for key, value in optional.items() if value is not None}
     return raw | {"time_offset_s": camera.time_offset_s}
 

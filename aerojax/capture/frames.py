@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt16
 
+from aerojax.capture.codecs.mask import BrokenMask, Levels, MaskKind, decode_mask, is_soft, mask_kind, shares
 from aerojax.capture.codecs.tiff import BrokenTiff, decode_tiff
 from aerojax.capture.codecs.video import BrokenVideo, open_video
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.lenses import distort_points, undistort_image, undistort_points
 from aerojax.capture.paths import is_video, locate
 from aerojax.core.errors import UserError
-from aerojax.core.types import FrameSet
+from aerojax.core.types import FrameSet, MissingView
 
 _LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
 """The 256 values of an 8-bit channel; looking them up is four times as fast as converting and dividing."""
@@ -42,29 +43,60 @@ def source_frame(capture: Capture, camera_index: int, frame: int) -> int | None:
 def read_frames(capture: Capture, frame: int, *, rgb: bool = True, ids: bool = True) -> FrameSet:
     """What all cameras recorded at one frame of the capture's clock; see `read_rgb` and `read_mask`.
 
+    A camera whose image or mask is missing or damaged, or whose video has a gap there, counts as having recorded
+    nothing and is named in `missing`; where the capture says "refuse", it ends the call.
+
     Args:
         capture, frame: ask for frames in ascending order, because videos are decoded in order.
         rgb, ids: what to read; the other is None for every camera.
 
     Raises:
-        UserError: a file is missing, damaged or of another size.
+        UserError: a file has another size or contradicts the format; or is missing or damaged and is not to be.
     """
-    cameras = range(len(capture.cameras))
-    return FrameSet(
-        frame=frame,
-        time_s=frame / capture.fps,
-        rgb=tuple(read_rgb(capture, c, frame) if rgb else None for c in cameras),
-        ids=tuple(read_mask(capture, c, frame) if ids else None for c in cameras),
-    )
+    views, missing = [], []
+    for index in range(len(capture.cameras)):
+        try:
+            views.append(_read_view(capture, index, frame, rgb=rgb, ids=ids))
+        except UserError as error:
+            if capture.missing == "refuse" or error.code not in ("missing", "unreadable"):
+                raise
+            views.append((None, None, None))
+            missing.append(MissingView(index, str(error)))
+    images, masks, coverage = zip(*views, strict=True)
+    return FrameSet(frame, frame / capture.fps, images, masks, coverage, tuple(missing))
+
+
+def _read_view(
+    capture: Capture, camera_index: int, frame: int, *, rgb: bool, ids: bool
+) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
+    """Image, ids and coverage of one camera."""
+    image = read_rgb(capture, camera_index, frame) if rgb else None
+    if rgb and image is None and source_frame(capture, camera_index, frame) is not None:
+        camera = capture.cameras[camera_index]
+        raise UserError(
+            "missing",
+            f"{capture.folder / camera.rgb}: has no picture within half a frame of {frame / capture.fps:.3f} s",
+            "record without gaps, or correct `fps` or time_offset_s",
+        )
+    if not ids:
+        return image, None, None
+    levels = _read_levels(capture, camera_index, frame)
+    if levels is None:
+        return image, None, None
+    camera, kind = capture.cameras[camera_index], _kind(capture, camera_index, levels)
+    soft = kind == "picture" and is_soft(levels)
+    return image, _ids(levels, camera, kind), _undistorted(shares(levels), camera) if soft else None
 
 
 def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width 3"] | None:
     """One image, sRGB 0..1, undistorted; None where the camera was not recording.
 
-    Videos are decoded in order by a reader that stays open: ask for frames in ascending order.
+    Pixels are those that the file stores: orientation in a JPEG's tags and rotation in a video's metadata are not
+    applied, because the calibration is of the sensor. Of a video it is the picture nearest to the frame's time, and
+    None where that is more than half a frame away; its reader stays open: ask for frames in ascending order.
 
     Raises:
-        UserError: the file is missing, damaged or of another size.
+        UserError: the file is missing, damaged, stops too early or is of another size.
     """
     camera = capture.cameras[camera_index]
     index = source_frame(capture, camera_index, frame)
@@ -72,7 +104,9 @@ def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndar
         return None
     path = locate(capture.folder, camera.rgb, index)
     if is_video(camera.rgb):
-        image = _video_frame(path, index)
+        image = _video_picture(path, frame / capture.fps - camera.time_offset_s, capture.fps)
+        if image is None:
+            return None
     else:
         # Orientation tags would turn the image away from its calibration; 16-bit images keep their depth.
         decoded = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
@@ -89,22 +123,43 @@ def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndar
 def read_mask(capture: Capture, camera_index: int, frame: int) -> UInt16[np.ndarray, "height width"] | None:
     """Instance ids, 0 = background, undistorted; None without masks or where the camera was not recording.
 
-    An 8-bit mask of 0 and 255 is a picture of one object and becomes 0 and 1.
+    A picture of one object becomes 1 where it is covered by more than half; `aerojax.capture.codecs.mask` says which
+    files are read and when a mask is a picture, if `mask_kind` does not.
 
     Raises:
-        UserError: the file is missing, damaged, coloured or of another size.
+        UserError: the file is missing, damaged, has colours that are no ids, or is of another size.
     """
+    levels = _read_levels(capture, camera_index, frame)
+    if levels is None:
+        return None
+    return _ids(levels, capture.cameras[camera_index], _kind(capture, camera_index, levels))
+
+
+def _kind(capture: Capture, camera_index: int, levels: Levels) -> MaskKind | None:
+    return capture.cameras[camera_index].mask_kind or capture.mask_kind or mask_kind(levels)
+
+
+def _read_levels(capture: Capture, camera_index: int, frame: int) -> Levels | None:
     path = _path(capture, camera_index, frame, "mask")
     if path is None:
         return None
-    camera = capture.cameras[camera_index]
-    mask = _decode(path, cv2.IMREAD_UNCHANGED)
-    if mask.ndim != 2 or mask.dtype not in (np.uint8, np.uint16):
-        raise UserError("unreadable", f"{path}: a mask must be a grey 8- or 16-bit image", "convert it")
-    _check_size(path, mask, camera)
-    if mask.dtype == np.uint8 and not np.any((mask != 0) & (mask != 255)):
-        mask = mask // 255
-    return _undistorted(mask.astype(np.uint16), camera, blend=False)
+    try:
+        levels = decode_mask(path.read_bytes())
+    except OSError:
+        raise UserError("unreadable", f"{path}: cannot be read", "check the permissions") from None
+    except BrokenMask as broken:
+        code = "unreadable" if broken.damaged else "invalid"
+        raise UserError(code, f"{path}: {broken.problem}", broken.remedy) from None
+    _check_size(path, levels, capture.cameras[camera_index])
+    return levels
+
+
+def _ids(levels: Levels, camera: CaptureCamera, kind: MaskKind | None) -> UInt16[np.ndarray, "height width"]:
+    if kind != "picture":
+        return _undistorted(levels.astype(np.uint16), camera, blend=False)
+    if is_soft(levels):
+        return (_undistorted(shares(levels), camera) > 0.5).astype(np.uint16)
+    return _undistorted((shares(levels) > 0.5).astype(np.uint16), camera, blend=False)
 
 
 def read_depth(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndarray, "height width"] | None:
@@ -212,9 +267,9 @@ def _path(capture: Capture, camera_index: int, frame: int, kind: str) -> Path | 
     return None if index is None or pattern is None else locate(capture.folder, pattern, index)
 
 
-def _video_frame(path: Path, index: int) -> np.ndarray:
+def _video_picture(path: Path, time_s: float, fps: float) -> np.ndarray | None:
     try:
-        return open_video(path).read(index)
+        return open_video(path).read_at(time_s, 0.5 / fps)
     except BrokenVideo as broken:
         raise UserError("unreadable", f"{path}: {broken.problem}", broken.remedy) from None
 

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PureWindowsPath
 
 from aerojax.core.errors import UserError
+from aerojax.core.seeds import number_of
 
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v")
 RGB_SUFFIXES = (".png", ".jpg", ".jpeg")
-MASK_SUFFIXES = (".png",)
 FLOAT_SUFFIXES = (".tiff", ".tif")
+PNG_SUFFIXES = (".png",)
+MASK_SUFFIXES = (*RGB_SUFFIXES, *FLOAT_SUFFIXES)
 
 _LONGEST_PATH = 240  # bytes; what every file system takes as one name
+_HASH_DIGITS = 8
 _PATTERN = re.compile(r"(?P<head>[^{}]*)\{frame(?::0(?P<digits>[1-9]|1[0-9])d)?\}(?P<tail>[^{}]*)")
 
 
@@ -95,5 +98,24 @@ def locate(folder: Path, pattern: str, frame: int) -> Path:
 
 
 def safe_name(text: str) -> str:
-    """`text` with ASCII letters, digits, dots, hyphens and single underscores only; names joined by `__` stay apart."""
-    return re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9.-]", "_", text)).strip("_.") or "unnamed"
+    """`text` with ASCII letters, digits, dots, hyphens and single underscores only; names joined by `__` stay apart.
+
+    Text of other letters alone becomes their code points: 左 is `u5de6`.
+    """
+    safe = re.sub(r"_+", "_", re.sub(r"[^A-Za-z0-9.-]", "_", text)).strip("_.")
+    return safe or "".join(f"u{ord(letter):x}" for letter in text if letter.isalnum()) or "unnamed"
+
+
+def distinct_names(texts: Sequence[str]) -> tuple[str, ...]:
+    """`safe_name` of each text; where several would share one, all but a text that is safe already get a hash of it.
+
+    A name depends on which texts share it, not on their order.
+    """
+    names = [safe_name(text) for text in texts]
+    taken = {text for text, name in zip(texts, names, strict=True) if text == name}
+    return tuple(
+        name
+        if names.count(name) == 1 or text in taken
+        else f"{name}-{number_of(text) % 16**_HASH_DIGITS:0{_HASH_DIGITS}x}"
+        for text, name in zip(texts, names, strict=True)
+    )

@@ -92,7 +92,9 @@ def test_video_that_ends_early(tmp_path):
     capture = make_good(tmp_path)
     write_video(tmp_path / "film.mp4", 2)
     capture = dataclasses.replace(with_camera(capture, 0, rgb="film.mp4", mask=None, depth=None), frames=6)
-    with pytest.raises(UserError, match=r"film\.mp4: stops before frame 5; lower `frames`") as error:
+    with pytest.raises(
+        UserError, match=r"film\.mp4: stops with its picture at 0\.033 s, before 0\.167 s; lower `frames`"
+    ) as error:
         read_rgb(capture, 0, 5)
     assert error.value.code == "unreadable"
 
@@ -148,8 +150,10 @@ def test_reading_checks_size_kind_and_place(capture):
     cv2.imwrite(str(folder / "cam_01/rgb/000000.png"), np.zeros((8, 8, 3), np.uint8))
     with pytest.raises(UserError, match="is 8×8 pixels, camera cam_01 32×24"):
         read_rgb(capture, 0, 0)
-    cv2.imwrite(str(folder / "cam_01/mask/000000.png"), np.zeros((HEIGHT, WIDTH, 3), np.uint8))
-    with pytest.raises(UserError, match="must be a grey"):
+    colours = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    colours[:9, :9, 0] = colours[12:, 12:, 1] = 255
+    cv2.imwrite(str(folder / "cam_01/mask/000000.png"), colours)
+    with pytest.raises(UserError, match="has several colours"):
         read_mask(capture, 0, 0)
     cv2.imwrite(str(folder / "cam_01/depth/000000.tiff"), np.full((HEIGHT, WIDTH), np.nan, np.float32))
     with pytest.raises(UserError, match="finite"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 
 import cv2
 import numpy as np
@@ -150,7 +151,7 @@ FAULTS = {
     "coverage": (_image_fault("cam_01/coverage/000000.png", np.zeros((HEIGHT, WIDTH), np.uint16)), "grey 8-bit"),
     "normal": (_image_fault("cam_01/normal/000000.png", np.zeros((HEIGHT, WIDTH, 3), np.uint8)), "16-bit RGB"),
     "flow": (_image_fault("cam_01/flow/000000.tiff", np.zeros((HEIGHT, WIDTH), np.float32)), "two channels"),
-    "flow missing": (lambda folder: (folder / "cam_02/flow/000001.tiff").unlink(), "the file is missing"),
+    "flow missing": (lambda folder: shutil.rmtree(folder / "cam_02/flow"), "the file is missing (and 1 more"),
 }
 
 

@@ -44,7 +44,7 @@ def test_broken_capture_gives_one_clear_error(name, tmp_path):
 def test_all_problems_at_once(tmp_path):
     make_good(tmp_path)
     raw = json.loads((tmp_path / "capture.json").read_text())
-    raw["fps"] = -1
+    raw["fps"], raw["missing"] = -1, "refuse"
     raw["cameras"][0]["K"][0][0] = 0
     raw["cameras"][1]["distortion"]["model"] = "brown"
     (tmp_path / "capture.json").write_text(json.dumps(raw))

@@ -161,12 +161,25 @@ def _play_list(folder: Path) -> None:
     (folder / "cam_01/film.mp4").write_text("#EXTM3U\n#EXTINF:1,\nfile:///etc/hostname\n")
 
 
+def _refusing(make: Callable[[Path], None]) -> Callable[[Path], None]:
+    """The same capture, which is to be refused for files that are missing or damaged."""
+
+    def change(folder: Path) -> None:
+        make(folder)
+        path = folder / "capture.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | {"missing": "refuse"}))
+
+    return change
+
+
 def _same_centre(raw: dict[str, Any]) -> None:
     for row in range(3):
         raw["cameras"][2]["world_from_cam"][row][3] = raw["cameras"][0]["world_from_cam"][row][3]
 
 
 _GREY = np.zeros((HEIGHT, WIDTH), np.uint8)
+_COLOURS = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+_COLOURS[2:9, 2:9, 0] = _COLOURS[12:20, 12:20, 1] = 255
 _SHEAR = _transform([[1, 0.01, 0], [0, 1, 0], [0, 0, 1]])
 _MIRROR = _transform([[1, 0, 0], [0, 1, 0], [0, 0, -1]])
 
@@ -236,24 +249,26 @@ _FAULTS: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
     "pattern_other": (_camera(0, rgb="cam_01/rgb/{frame:06d}{x}.png"), ("cameras[0].rgb", "{frame}")),
     "pattern_none": (_camera(0, rgb="cam_01/rgb/000000.png"), ("cameras[0].rgb", "{frame}")),
     "pattern_format": (_camera(0, depth="cam_01/depth/{frame:06d}.npy"), ("cameras[0].depth", ".tiff")),
-    "frame_missing": (_files(lambda f: (f / "cam_02/rgb/000001.png").unlink()), ("cam_02/rgb/000001.png", "missing")),
+    "frame_missing": (
+        _refusing(_files(lambda f: (f / "cam_02/rgb/000001.png").unlink())),
+        ("cam_02/rgb/000001.png", "missing"),
+    ),
+    "missing_word": (_capture(lambda r: r.update(missing="ignore")), ("missing", "'drop' or 'refuse'")),
+    "mask_kind": (_camera(0, mask_kind="soft"), ("cameras[0].mask_kind", "'ids' or 'picture'")),
     "folder_missing": (
         _files(lambda f: (f / "cam_03/mask").rename(f / "cam_03/elsewhere")),
         ("cam_03/mask/000000.png", "missing"),
     ),
     "rgb_size": (_image("cam_01/rgb/000001.png", np.zeros((24, 30, 3), np.uint8)), ("000001.png", "30×24")),
     "mask_size": (_image("cam_01/mask/000000.png", _GREY[:20]), ("cam_01/mask/000000.png", "32×20")),
-    "mask_coloured": (
-        _image("cam_01/mask/000000.png", np.zeros((HEIGHT, WIDTH, 3), np.uint8)),
-        ("cam_01/mask/000000.png", "grey"),
-    ),
+    "mask_coloured": (_image("cam_01/mask/000000.png", _COLOURS), ("cam_01/mask/000000.png", "several colours")),
     "depth_integer": (_image("cam_01/depth/000000.tiff", _GREY), ("cam_01/depth/000000.tiff", "float32")),
-    "rgb_empty": (_text("cam_01/rgb/000000.png", ""), ("cam_01/rgb/000000.png", "empty")),
-    "rgb_text": (_text("cam_01/rgb/000000.png", "import os" * 9), ("cam_01/rgb/000000.png", "not a PNG")),
-    "rgb_cut": (_cut("cam_01/rgb/000000.png", 0.6), ("cam_01/rgb/000000.png", "cut short")),
-    "depth_cut": (_cut("cam_01/depth/000001.tiff", 0.6), ("cam_01/depth/000001.tiff", "cut short")),
+    "rgb_empty": (_refusing(_text("cam_01/rgb/000000.png", "")), ("cam_01/rgb/000000.png", "empty")),
+    "rgb_text": (_refusing(_text("cam_01/rgb/000000.png", "import os" * 9)), ("cam_01/rgb/000000.png", "not a PNG")),
+    "rgb_cut": (_refusing(_cut("cam_01/rgb/000000.png", 0.6)), ("cam_01/rgb/000000.png", "cut short")),
+    "depth_cut": (_refusing(_cut("cam_01/depth/000001.tiff", 0.6)), ("cam_01/depth/000001.tiff", "cut short")),
     "video_missing": (_camera(0, rgb="cam_01/film.mp4"), ("cam_01/film.mp4", "missing")),
-    "video_short": (_video(1), ("cam_01/film.mp4", "has 1 frames")),
+    "video_short": (_refusing(_video(1)), ("cam_01/film.mp4", "has 1 frames")),
     "video_size": (_video(2, (64, 48)), ("cam_01/film.mp4", "64×48")),
     "video_play_list": (_play_list, ("cam_01/film.mp4", "is not an MP4")),
     "truth_file_missing": (_files(lambda f: (f / "truth.json").unlink()), ("truth.json", "missing")),

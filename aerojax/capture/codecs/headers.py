@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 _PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG_END = b"\xff\xd9"
+_TAIL = 4096
+"""Bytes behind the end of an image that some cameras append to it."""
 _PNG_END = b"IEND\xae\x42\x60\x82"
 _TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_BITS, _TIFF_CHANNELS, _TIFF_FORMAT = 256, 257, 258, 277, 339
 
@@ -66,8 +69,19 @@ def _jpeg(file: BinaryIO) -> ImageHeader:
             raise BrokenImage("is a damaged JPEG")
         if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):  # start of frame, ITU T.81 Table B.1
             bits, height, width, channels = struct.unpack(">BHHB", file.read(6))
+            if not _has_end(file, _JPEG_END):
+                raise BrokenImage("is a JPEG that was cut short")
             return ImageHeader(width, height, channels, bits)
         position += 2 + length
+
+
+def _has_end(file: BinaryIO, end: bytes) -> bool:
+    """Whether `end` stands among a file's last bytes; where these are something else's, whether it stands anywhere."""
+    file.seek(-min(_TAIL, file.seek(0, 2)), 2)
+    if end in file.read():
+        return True
+    file.seek(0)
+    return end in file.read()
 
 
 def _tiff(start: bytes, file: BinaryIO) -> ImageHeader:

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a capture, found in one pass and without decoding an image."""
+"""Everything that is wrong with a capture, found in one pass; of images, some masks alone are decoded."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from aerojax.capture.codecs.mask import MaskKind
 from aerojax.capture.lenses import COEFFICIENT_COUNTS
 from aerojax.capture.paths import is_inside, relative_path_problem
 from aerojax.capture.validate.files import check_frame_files
-from aerojax.capture.validate.findings import Findings, Problem, shown
+from aerojax.capture.validate.findings import Clock, Findings, Problem, shown
+from aerojax.capture.validate.masks import check_masks
 from aerojax.capture.validate.truth import check_truth
 
 FORMAT, VERSION = "aerojax-capture", 1
@@ -22,17 +24,27 @@ MOST_FRAMES = 1_000_000  # nine hours at 30 frames per second
 LARGEST_SIDE = 16_384  # above every sensor in use; keeps a forged header from claiming the memory
 LARGEST_JSON = 64 * 2**20  # bytes; ten thousand frames of ten objects in ten cameras stay below it
 FEWEST_CAMERAS = 3
-_ORTHONORMAL = 1e-4
+MISSING = ("drop", "refuse")
+"""What to do with files that are missing or damaged: leave out that camera in that frame, or refuse the capture."""
+EXACT_ROTATION, ROUNDED_ROTATION = 1e-6, 1e-3
+"""Largest entry of R Rᵀ - I of a rotation that is taken as it is (single precision is 2e-7 off), and of one whose
+digits were rounded (four decimals are up to 2e-4 off) and that is made orthonormal with a warning."""
 _SAME_CENTRE = 1e-6  # metres
 
 
 @dataclass(frozen=True)
 class Examination:
-    """The parsed files of a capture and what is wrong with them; the files are None where they could not be parsed."""
+    """The parsed files of a capture and what is wrong with them; the files are None where they could not be parsed.
+
+    problems: for which the capture is refused. warnings: what its user should know.
+    masks: what the masks hold of cameras that do not say it; None without such, or where they are empty.
+    """
 
     capture: dict[str, Any] | None
     truth: dict[str, Any] | None
     problems: tuple[Problem, ...]
+    warnings: tuple[Problem, ...] = ()
+    masks: MaskKind | None = None
 
 
 def problems(folder: Path) -> list[Problem]:
@@ -49,16 +61,18 @@ def examine(folder: Path) -> Examination:
     raw = _load_json(folder, "capture.json", findings)
     if raw is None or not _is_known_format(raw, findings):
         return Examination(None, None, tuple(findings.problems))
-    findings.mapping(raw, "", ("format", "version", "fps", "frames", "cameras"), ("truth",))
+    findings.mapping(raw, "", ("format", "version", "fps", "frames", "cameras"), ("truth", "missing"))
     fps, frames = _check_clock(raw, findings)
+    clock = Clock(fps, frames, refuse=_check_missing(raw, findings) == "refuse")
     cameras = [_check_camera(c, f"cameras[{i}]", findings) for i, c in enumerate(_cameras(raw, findings))]
     _check_network(cameras, findings)
     for index, camera in enumerate(raw["cameras"] if isinstance(raw.get("cameras"), list) else ()):
         if isinstance(camera, dict):
             _check_offset(camera, f"cameras[{index}].time_offset_s", fps, frames, findings)
-            check_frame_files(folder, camera, f"cameras[{index}]", frames, findings)
+            check_frame_files(folder, camera, f"cameras[{index}]", clock, findings)
+    masks = None if findings.problems else check_masks(folder, raw["cameras"], clock, findings)
     truth, more = _examine_truth(folder, raw, frames, findings)
-    return Examination(raw, truth, (*findings.problems, *more))
+    return Examination(raw, truth, (*findings.problems, *more), tuple(findings.warnings), masks)
 
 
 def _cameras(raw: dict[str, Any], findings: Findings) -> list[Any]:
@@ -81,7 +95,8 @@ def _load_json(folder: Path, name: str, findings: Findings) -> dict[str, Any] | 
         return dict(pairs)
 
     try:
-        raw = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=keep_last)
+        # From bytes, whose first ones tell UTF-8 with a byte order mark, UTF-16 and UTF-32 (RFC 4627, §3).
+        raw = json.loads(path.read_bytes(), object_pairs_hook=keep_last)
     except OSError as error:
         findings.add("", f"cannot be read: {error.strerror}", "check the permissions", file=name)
         return None
@@ -116,6 +131,13 @@ def _check_clock(raw: dict[str, Any], findings: Findings) -> tuple[float | None,
     return fps, frames
 
 
+def _check_missing(raw: dict[str, Any], findings: Findings) -> str:
+    chosen = raw.get("missing", "drop")
+    if chosen not in MISSING:
+        findings.add("missing", f"must be {' or '.join(map(repr, MISSING))}, is {shown(chosen)}", "correct the word")
+    return chosen
+
+
 def _check_offset(
     camera: dict[str, Any], field: str, fps: float | None, frames: int | None, findings: Findings
 ) -> None:
@@ -134,7 +156,7 @@ class _Placed:
 
 def _check_camera(camera: Any, field: str, findings: Findings) -> _Placed:
     required = ("name", "width", "height", "K", "distortion", "world_from_cam", "rgb")
-    camera = findings.mapping(camera, field, required, (*OPTIONAL_IMAGES, "time_offset_s"))
+    camera = findings.mapping(camera, field, required, (*OPTIONAL_IMAGES, "time_offset_s", "mask_kind"))
     if camera is None:
         return _Placed(field, None, None)
     name = findings.text(camera["name"], f"{field}.name") if "name" in camera else None
@@ -167,10 +189,13 @@ def _check_rigid(transform: np.ndarray, field: str, findings: Findings) -> None:
         residual = np.abs(rotation @ rotation.T - np.eye(3)).max()
     if not np.array_equal(transform[3], [0, 0, 0, 1]):
         findings.add(field, "the last row must be 0 0 0 1", "correct the matrix; is it transposed?")
-    if not residual <= _ORTHONORMAL:
+    if not residual <= ROUNDED_ROTATION:
         findings.add(field, f"the rotation is not orthonormal (off by {residual:.2g})", "remove scale and shear")
     elif np.linalg.det(rotation) < 0:
         findings.add(field, "the rotation is a reflection (determinant -1)", "use right-handed OpenCV axes")
+    elif residual > EXACT_ROTATION:
+        message = f"the rotation is off by {residual:.2g} and was made orthonormal"
+        findings.warn(field, message, "write it with more digits")
 
 
 def _check_distortion(distortion: Any, K: np.ndarray | None, field: str, findings: Findings) -> None:

@@ -63,16 +63,42 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+@dataclass(frozen=True)
+class Clock:
+    """What the files are checked against.
+
+    fps, frames: of the capture; None (itself a problem) skips what depends on it.
+    refuse: whether missing and damaged files are problems; otherwise they are warnings, unless there are no others.
+    """
+
+    fps: float | None
+    frames: int | None
+    refuse: bool
+
+
+def size_problem(width: int, height: int, camera: dict[str, Any]) -> str | None:
+    """What is wrong with the size of an image or a video, or None."""
+    wanted = camera.get("width"), camera.get("height")
+    if all(isinstance(side, int) for side in wanted) and wanted != (width, height):
+        return f"is {width}×{height} pixels, the camera {wanted[0]}×{wanted[1]}"
+    return None
+
+
 class Findings:
     """Collects problems of one JSON file; every look-up returns the value or None where a problem was noted."""
 
     def __init__(self, file: str) -> None:
         self.file = file
         self.problems: list[Problem] = []
+        self.warnings: list[Problem] = []
 
     def add(self, field: str, message: str, remedy: str, *, file: str | None = None) -> None:
         """Note a problem of `field` in this file, or in another file of the capture."""
         self.problems.append(Problem(file or self.file, field, message, remedy))
+
+    def warn(self, field: str, message: str, remedy: str, *, file: str | None = None) -> None:
+        """Note what is worth knowing and keeps nothing from being used."""
+        self.warnings.append(Problem(file or self.file, field, message, remedy))
 
     def mapping(
         self, value: Any, field: str, required: Iterable[str], optional: Iterable[str] = ()
