@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 from support.networks import frame_sets, mask_of, network, position_at
 
 from aerojax.core.errors import UserError
-from aerojax.segment.given import GivenConfig, choose_object
+from aerojax.segment.given import PREVIEWED, GivenConfig, choose_object
 from aerojax.segment.silhouettes import silhouette_of
 
 
@@ -63,6 +66,53 @@ def test_a_stream_follows_the_largest_instance_of_its_first_masks():
     np.testing.assert_array_equal(found[1].coverage, mask_of(cameras[1], position_at(1)))
     other, _ = GivenConfig().build(7).step(frames[1], 7)
     assert other == []
+
+
+def brief_preview(cameras, frames, shown):
+    """A preview of a capture in which the object is visible in some frames only, and what it was asked for."""
+    asked = []
+
+    def preview(count, *, rgb, ids):
+        asked.append(count)
+        for index in np.unique(np.linspace(0, frames - 1, count).astype(int)):
+            hidden = () if index in shown else (int(index),)
+            yield from frame_sets(cameras, range(int(index), int(index) + 1), blind=hidden)
+
+    return preview, asked
+
+
+@pytest.mark.parametrize(("frames", "shown"), [(12, (3, 4)), (12, (10,)), (70, (33,))])
+@pytest.mark.parametrize("object_id", [None, 3])
+def test_an_object_that_is_seen_briefly_is_found(frames, shown, object_id):
+    cameras = network(3)
+    preview, asked = brief_preview(cameras, frames, shown)
+    assert GivenConfig().build(object_id).initial(cameras, preview) == 3
+    assert asked[0] == PREVIEWED and len(asked) > 1
+
+
+def test_one_look_is_enough_where_a_few_frames_show_the_object():
+    cameras = network(3)
+    preview, asked = brief_preview(cameras, 40, range(40))
+    assert GivenConfig().build(None).initial(cameras, preview) == 3 and asked == [PREVIEWED]
+
+
+def test_an_object_in_no_frame_is_said_to_be_absent_after_all_were_looked_at():
+    cameras = network(3)
+    preview, asked = brief_preview(cameras, 12, ())
+    with pytest.raises(UserError, match="every mask of the capture is empty"):
+        GivenConfig().build(None).initial(cameras, preview)
+    assert asked[-1] > 12
+
+
+def test_shades_of_a_picture_are_the_silhouettes_coverage():
+    cameras = network(3)
+    (frames,) = frame_sets(cameras, range(1))
+    masks = [mask_of(camera, position_at(0)) for camera in cameras]
+    soft = tuple(cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0) for mask in masks)
+    shaded = replace(frames, ids=tuple(mask.astype(np.uint16) for mask in masks), coverage=soft)
+    found, _ = GivenConfig().build(None).step(shaded, None)
+    for one, share in zip(found, soft, strict=True):
+        np.testing.assert_array_equal(one.coverage, share)
 
 
 def test_a_silhouette_knows_its_box_and_whether_it_is_cut():
