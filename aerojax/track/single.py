@@ -13,6 +13,7 @@ from aerojax.capture.format import CaptureCamera
 from aerojax.core.types import FrameSet, Silhouette, Track
 from aerojax.geometry.cameras import pixel_rays
 from aerojax.track.base import TrackerConfig
+from aerojax.track.consensus import agreed
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class SingleState:
 
 @dataclass(frozen=True)
 class SingleTracker:
-    """Takes the silhouettes as they come; of several in one camera the first."""
+    """Takes the silhouettes, of several in one camera the first, without parts that no other camera agrees with."""
 
     config: SingleConfig
 
@@ -55,7 +56,8 @@ class SingleTracker:
         """Track 0, or nothing where no camera shows an object."""
         if not silhouettes:
             return [], state
-        by_camera = {one.camera: one for one in reversed(silhouettes)}
+        first = {one.camera: one for one in reversed(silhouettes)}
+        by_camera = {one.camera: one for one in agreed(list(first.values()), state.cameras)}
         held = tuple(by_camera.get(index) for index in range(len(state.cameras)))
         found = triangulate(held, state.cameras, self.config.pixel_noise)
         if found is None:
