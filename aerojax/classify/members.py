@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.ensemble.config import EnsembleConfig
+from aerojax.classify.fused.config import FusedConfig
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.classify.views.config import ViewsConfig
 
-MEMBERS: dict[str, type[ClassifierConfig]] = {"mambasplat": MambaSplatConfig, "views": ViewsConfig}
+MEMBERS: dict[str, type[ClassifierConfig]] = {
+    "ensemble": EnsembleConfig,
+    "mambasplat": MambaSplatConfig,
+    "views": ViewsConfig,
+    "fused": FusedConfig,
+}
