@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from aerojax.capture.format import read_capture
+from aerojax.classify.base import Trainable
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
@@ -19,6 +22,7 @@ from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import reconstruct_capture
+from experiments._launch.batches import end_batch, failure, find_captures
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -27,7 +31,7 @@ from experiments._launch.progress import progress_bar
 class Config:
     """Which captures, and with what.
 
-    captures: folder that holds capture folders.
+    captures: folder with capture folders anywhere below it.
     weights: of a trained classifier; the shipped ones if None.
     """
 
@@ -38,43 +42,63 @@ class Config:
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
 
 
-@experiment(Config)
-def main(config: Config, run: Run) -> None:
-    """Captures in; table and metrics.json out."""
-    folders = sorted(p.parent for p in config.captures.glob("*/capture.json"))
-    if not folders:
-        raise UserError(
-            "missing",
-            f"captures={config.captures} holds no folder with a capture.json",
-            "name the folder above the captures",
-        )
-    classifier = load_classifier(config.weights)
+def classify_one(folder: Path, config: Config, classifier: Trainable) -> tuple[dict[str, Any], np.ndarray]:
+    """Truth, label, probabilities and frames used of one capture; and its log-probabilities."""
+    capture = read_capture(folder)
+    truth = capture.true_class(None)
+    clip = reconstruct_capture(capture, config.pipeline, classifier, key=jax.random.key(config.seed))
+    assert clip.log_probabilities is not None  # there was a classifier
+    last = clip.log_probabilities[-1]
+    row = {
+        "truth": truth,
+        "label": CLASSES[int(np.argmax(last))],
+        "probabilities": dict(zip(CLASSES, np.exp(last).tolist(), strict=True)),
+        "frames": [len(clip.frames), capture.frames],
+    }
+    return row, last
+
+
+def show(console: Console, rows: list[dict[str, Any]], figures: dict[str, Any]) -> None:
+    """The table, and every capture that was not classified with its reason."""
     table = Table("capture", "truth", "label", "probability", "frames")
-    rows, known, labels = [], [], []
-    with progress_bar() as bar:
-        for folder in bar.track(folders, description="captures"):
-            capture = read_capture(folder)
-            clip = reconstruct_capture(capture, config.pipeline, classifier, key=jax.random.key(config.seed))
-            assert clip.log_probabilities is not None  # there was a classifier
-            last = clip.log_probabilities[-1]
-            truth, label = capture.true_class(None), CLASSES[int(np.argmax(last))]
-            frames = f"{len(clip.frames)}/{capture.frames}"
-            table.add_row(folder.name, truth or "-", label, f"{np.exp(last.max()):.3f}", frames)
-            probabilities = dict(zip(CLASSES, np.exp(last).tolist(), strict=True))
-            rows.append({"capture": folder.name, "truth": truth, "label": label, "probabilities": probabilities})
-            if truth is not None:
-                known.append(last)
-                labels.append(CLASSES.index(truth))
-    figures = label_figures(np.stack(known), np.array(labels)) if known else {}
-    console = Console()
+    for row in rows:
+        if "error" not in row:
+            surest = max(row["probabilities"].values())
+            used, all_frames = row["frames"]
+            cells = (row["truth"] or "-", row["label"], f"{surest:.3f}", f"{used}/{all_frames}")
+            table.add_row(escape(row["capture"]), *cells)
     console.print(table)
+    for row in rows:
+        if "error" in row:
+            console.print(f"{row['capture']}: not classified: {row['error']['text']}", soft_wrap=True, markup=False)
     if figures:
         right = round(figures["accuracy"] * figures["clips"])
         console.print(f"right: {right} of {figures['clips']} with a known class")
-    write_json(
-        run.directory / "metrics.json",
-        {"captures": rows, "figures": figures, "classes": CLASSES, **provenance(run.overrides)},
-    )
+
+
+@experiment(Config)
+def main(config: Config, run: Run) -> None:
+    """Captures in; table and metrics.json out. Exit code 1 if some captures, 2 if all were not classified."""
+    folders = find_captures(config.captures)
+    classifier = load_classifier(config.weights)
+    rows: list[dict[str, Any]] = []
+    known: list[tuple[np.ndarray, int]] = []  # log-probabilities and truth
+    figures: dict[str, Any] = {}
+    with progress_bar() as bar:
+        for name, folder in bar.track(folders.items(), description="captures"):
+            try:
+                row, last = classify_one(folder, config, classifier)
+                rows.append({"capture": name, **row})
+                if row["truth"] is not None:
+                    known.append((last, CLASSES.index(row["truth"])))
+                    figures = label_figures(np.stack([x for x, _ in known]), np.array([c for _, c in known]))
+            except (UserError, OSError) as error:
+                rows.append({"capture": name, "error": failure(error)})
+            content = {"captures": rows, "figures": figures, "classes": CLASSES, **provenance(run.overrides)}
+            write_json(run.directory / "metrics.json", content)  # after each, so that a killed run leaves what it knows
+    show(Console(), rows, figures)
+    failed = sum("error" in row for row in rows)
+    end_batch(failed, len(rows) - failed, "were not classified")
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.capture.format import read_capture
+from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.evaluate.images import image_figures
 from aerojax.gaussians.io.placement import place
@@ -26,6 +27,7 @@ from aerojax.reconstruct.fit.matte import matted_views
 from aerojax.reconstruct.fit.optimise import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.fit.start import only_real
 from aerojax.simulate.sample import SampleConfig, sample_capture
+from experiments._launch.batches import end_batch, failure, result_folders
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -93,20 +95,24 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
 
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
-    """Captures in; per capture a folder with metrics and Gaussians, and summary.json, out."""
-    console = Console()
-    if config.captures:
-        summary = []
-        for folder in config.captures:
-            summary.append(fit_capture(config, folder, run.directory / folder.name))
-            write_json(run.directory / "summary.json", {"fits": summary})
-    else:
+    """Captures in; per capture a folder with metrics and Gaussians, and summary.json, out. Code 1 if one failed."""
+    console, summary, failed = Console(), [], []
+    if not config.captures:
         folder = config.capture or sample_capture(config.sample, config.assets)
         summary = [fit_capture(config, folder, run.directory)]
+    for folder, name in zip(config.captures, result_folders(config.captures), strict=True):
+        try:
+            summary.append({**fit_capture(config, folder, run.directory / name), "results": name})
+        except (UserError, OSError) as error:
+            failed.append({"capture": str(folder), **failure(error)})
+        write_json(run.directory / "summary.json", {"fits": summary, "failed": failed})
     for one in summary:
         before, after = (one[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
         console.print(f"{one['capture']}: held-out view {after:.2f} dB on the object (hull {before:.2f} dB)")
     console.print(str(run.directory), soft_wrap=True)
+    for one in failed:
+        console.print(f"{one['capture']}: not fitted: {one['text']}", soft_wrap=True, markup=False)
+    end_batch(len(failed), len(summary), "were not fitted")
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ def cast(gaussians: Gaussians, **kinds) -> Gaussians:
 
 def drawn(gaussians: Gaussians, backend: str, dtype=np.float32):
     draw = jax.jit(lambda g, c, b: render(g, c, background=b, backend=backend), compiler_options=QUICK)
-    return draw(gaussians, make_camera(dtype=dtype, size=(20, 18)), jnp.array(BACKGROUND, dtype))
+    return draw(gaussians, make_camera(dtype=dtype), jnp.array(BACKGROUND, dtype))
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -54,7 +54,7 @@ def test_mixed_types_are_computed_in_the_widest(backend, x64):
 
 def test_gradients_have_the_types_of_the_arguments():
     half = cast(make_gaussians(2, 4, 1, np.float32), opacity="float16", sh="bfloat16")
-    camera = make_camera(dtype=np.float32, size=(20, 18))
+    camera = make_camera(dtype=np.float32)
     slope = jax.grad(lambda g: jnp.sum(render(g, camera, background=jnp.array(BACKGROUND)).colour))(half)
     assert [getattr(slope, name).dtype for name in ATTRIBUTES] == [getattr(half, name).dtype for name in ATTRIBUTES]
     assert float(jnp.abs(slope.sh).max()) > 0
@@ -72,7 +72,7 @@ def test_other_numbers_are_refused_by_name(kind):
 
 
 def test_cameras_and_backgrounds_of_any_type_are_cast():
-    gaussians, camera = make_gaussians(4, 4, 1, np.float32), make_camera(dtype=np.float32, size=(20, 18))
+    gaussians, camera = make_gaussians(4, 4, 1, np.float32), make_camera(dtype=np.float32)
     whole = dataclasses.replace(camera, K=jnp.round(camera.K))
     integers = jax.tree.unflatten(jax.tree.structure(whole), [whole.K.astype(int), whole.world_from_cam])
     wanted = render(gaussians, whole, background=jnp.zeros(3)).colour
