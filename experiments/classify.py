@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from aerojax.capture.format import Capture, read_capture
@@ -65,9 +66,17 @@ def _result(capture: Capture, clip: Clip, answer: Answer) -> dict[str, Any]:
         "probabilities": probabilities,
         "frames": list(clip.frames),
         "dropped": {str(event.frame): {"code": event.code, "text": event.text} for event in clip.dropped},
+        "missing": {c.name: _missing(clip, index) for index, c in enumerate(capture.cameras)},
+        "masks": capture.mask_kind,
+        "warnings": list(clip.warnings),
         "latency_ms": clip.latency_ms,
         "track": [{"frame": f, "position": p} for f, p in zip(clip.frames, clip.position.tolist(), strict=True)],
     }
+
+
+def _missing(clip: Clip, camera: int) -> dict[str, str]:
+    """Frames that the camera was left out of because a file or a picture is missing or damaged, and why."""
+    return {str(frame): view.text for frame, view in clip.missing if view.camera == camera}
 
 
 def _show(console: Console, result: dict[str, Any], capture: Capture, truth: str | None) -> None:
@@ -86,6 +95,8 @@ def _show(console: Console, result: dict[str, Any], capture: Capture, truth: str
     for reason in sorted(set(reasons.values())):
         frames = [frame for frame, why in reasons.items() if why == reason]
         console.print(f"dropped {len(frames)} frame(s) ({', '.join(frames)}): {reason}")
+    for warning in result["warnings"]:
+        console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
 
 
 @experiment(Config)

@@ -14,13 +14,14 @@ from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_frames
 from aerojax.classify.base import Classifier
 from aerojax.core.errors import UserError
-from aerojax.core.types import Evidence, FrameSet, Gaussians, Observation
+from aerojax.core.types import Evidence, FrameSet, Gaussians, MissingView, Observation
 from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.events import Dropped, Updated
 from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import Pipeline, make_pipeline
 from aerojax.pipeline.stream import stream
+from aerojax.pipeline.warnings import convention_of, missing_warnings
 
 Progress = Callable[[int, int, str], None]
 """Called with (done, total, what) as frames pass."""
@@ -37,6 +38,8 @@ class Clip:
     dropped: frames that could not be used, and why.
     latency_ms: median milliseconds a frame, per stage.
     observations: what was seen in each frame (kept only on request).
+    missing: cameras that should have shown something and did not, with the numbers of their frames.
+    warnings: what the user of the result should know, one sentence each.
     """
 
     seen: Evidence
@@ -47,6 +50,8 @@ class Clip:
     dropped: tuple[Dropped, ...]
     latency_ms: dict[str, float]
     observations: tuple[Observation, ...] = ()
+    missing: tuple[tuple[int, MissingView], ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def gaussians(self) -> Gaussians:
@@ -87,7 +92,8 @@ def reconstruct_capture(
     pipeline = make_pipeline(capture.cameras, config, classifier, key=key, object_id=object_id)
     updates: dict[int, list[Updated]] = {}
     dropped: list[Dropped] = []
-    source = _read(capture, pipeline, progress)
+    missing: list[tuple[int, MissingView]] = []
+    source = _read(capture, pipeline, progress, missing)
     for events, _ in stream(pipeline, source, pipeline.initial(capture_preview(capture))):
         for event in events:
             if isinstance(event, Updated):
@@ -96,12 +102,17 @@ def reconstruct_capture(
                 )
             elif isinstance(event, Dropped):
                 dropped.append(event)
+    warnings = (*capture.warnings, *missing_warnings(capture, missing))
+    disjoint = [event.frame for event in dropped if event.code == "silhouettes-disjoint"]
+    convention = convention_of(capture, pipeline, disjoint) if 2 * len(disjoint) > capture.frames else None
+    if convention is not None:
+        warnings = (*warnings, f"the silhouettes meet if {convention.name}: {convention.remedy}")
     if not updates:
         reasons = "; ".join(sorted({event.text for event in dropped}))
         raise UserError(
             "no-usable-frames",
             f"{capture.folder}: none of the {capture.frames} frames could be used ({reasons})",
-            "give frames in which more cameras see the whole object",
+            "; ".join(warnings) or "give frames in which more cameras see the whole object",
         )
     kept = max(updates.values(), key=len)
     seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.seen for event in kept))
@@ -114,6 +125,8 @@ def reconstruct_capture(
         dropped=tuple(event for event in dropped if event.track in (None, kept[0].track)),
         latency_ms=pipeline.watch.medians(),
         observations=tuple(event.observation for event in kept if event.observation is not None),
+        missing=tuple(missing),
+        warnings=warnings,
     )
 
 
@@ -140,12 +153,18 @@ def observe_frame(capture: Capture, frame: int, config: PipelineConfig, *, objec
     return seen
 
 
-def _read(capture: Capture, pipeline: Pipeline, progress: Progress | None) -> Iterator[FrameSet]:
-    """Frames with the time that it takes to read them; progress is called when one has been used."""
+def _read(
+    capture: Capture, pipeline: Pipeline, progress: Progress | None, missing: list[tuple[int, MissingView]]
+) -> Iterator[FrameSet]:
+    """Frames with the time that it takes to read them; progress is called when one has been used.
+
+    What is missing is added to the list.
+    """
     source = capture_frames(capture)
     for done in range(capture.frames):
         with pipeline.watch.stage("read"):
             frames = next(source)
+        missing.extend((frames.frame, view) for view in frames.missing)
         yield frames
         if progress is not None:
             progress(done + 1, capture.frames, "reconstruct")

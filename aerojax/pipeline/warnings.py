@@ -1,0 +1,50 @@
+"""What the user of a result should know: views that were missing, and cameras in another convention."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from aerojax.capture.format import Capture
+from aerojax.capture.frames import read_frames
+from aerojax.core.types import MissingView
+from aerojax.pipeline.source import capture_preview
+from aerojax.pipeline.step import Pipeline
+from aerojax.track.conventions import Convention, fitting_convention
+
+LOOKED_AT = 5
+"""Frames, spread evenly, in which other conventions are tried."""
+
+
+def missing_warnings(capture: Capture, missing: Sequence[tuple[int, MissingView]]) -> tuple[str, ...]:
+    """One sentence for each camera that lacks frames: how many, and what is wrong with the first.
+
+    Args:
+        capture: whose frames they are.
+        missing: views with the numbers of their frames.
+    """
+    by_camera: dict[int, list[MissingView]] = {}
+    for _, view in missing:
+        by_camera.setdefault(view.camera, []).append(view)
+    return tuple(
+        f"camera {capture.cameras[camera].name}: left out of {len(views)} of {capture.frames} frames ({views[0].text})"
+        for camera, views in sorted(by_camera.items())
+    )
+
+
+def convention_of(capture: Capture, pipeline: Pipeline, frames: Sequence[int]) -> Convention | None:
+    """The convention of cameras with which silhouettes meet that do not meet as given, if a usual one does it.
+
+    Args:
+        capture: as it was read.
+        pipeline: of its cameras.
+        frames: numbers of frames in which the silhouettes do not meet; some of them are segmented again.
+    """
+    chosen = np.unique(np.linspace(0, len(frames) - 1, LOOKED_AT).astype(int)) if frames else ()
+    state = pipeline.segmenter.initial(pipeline.cameras, capture_preview(capture))
+    seen = []
+    for index in chosen:
+        silhouettes, state = pipeline.segmenter.step(read_frames(capture, frames[int(index)]), state)
+        seen.append(silhouettes)
+    return fitting_convention(seen, capture.cameras)
