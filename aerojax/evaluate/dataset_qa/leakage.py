@@ -13,26 +13,42 @@ from aerojax.core.errors import UserError
 from aerojax.core.files import sha256_of_file
 from aerojax.data.manifest import DatasetEntries, IdentityEntry
 
-COPY = 3.0
-"""Shapes closer than so many times what a second sampling of one shape is away from the first are taken as one."""
-
 
 @dataclass(frozen=True, eq=False)
 class Embedded:
-    """An identity's shape embedding, and how far another sampling of the same surface lies from it."""
+    """An identity and embeddings of its shape, each from other surface points at other phases of its animation."""
 
     entry: IdentityEntry
-    embedding: Float[np.ndarray, "feature"]
-    noise: float
+    samplings: Float[np.ndarray, "sampling feature"]
+
+    def own(self) -> Float[np.ndarray, "pair"]:
+        """Distances between two samplings of this individual."""
+        first, second = np.triu_indices(len(self.samplings), 1)
+        return np.linalg.norm(self.samplings[first] - self.samplings[second], axis=1)
+
+    def distance(self, other: Embedded) -> float:
+        """Median distance between a sampling of this individual and one of another."""
+        apart = self.samplings[:, None] - other.samplings[None]
+        return float(np.median(np.linalg.norm(apart, axis=2)))
 
 
 @dataclass(frozen=True)
 class Neighbour:
-    """The training identity of the same class that is nearest to an identity, and its distance."""
+    """The training identity of the same class that is nearest to an identity.
+
+    distance: between samplings of the two, median.
+    resampling: largest distance between two samplings of one of them.
+    """
 
     identity: str
     nearest: str
     distance: float
+    resampling: float
+
+    @property
+    def ratio(self) -> float:
+        """Distance over that of resampling: below 1 the two cannot be told from one individual."""
+        return self.distance / max(self.resampling, 1e-12)
 
 
 @dataclass(frozen=True)
@@ -40,13 +56,16 @@ class ClassDistances:
     """Nearest-neighbour distances of one class.
 
     train_to_train: smallest and median, between different families; NaN where training has fewer than two families.
-    test_to_train: smallest and median of the held-out identities. noise: largest of a second sampling.
+    test_to_train: smallest and median of the held-out identities.
+    resampling: median and largest distance between two samplings of one individual.
+    ratio: smallest and median of the held-out identities' ratios.
     """
 
     label: str
     train_to_train: tuple[float, float]
     test_to_train: tuple[float, float]
-    noise: float
+    resampling: tuple[float, float]
+    ratio: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -55,8 +74,7 @@ class Leakage:
 
     shared_names, shared_families: found in more than one split. shared_files: groups of assets with equal bytes.
     out_of_split: sequences that show an object of another split.
-    copies: held-out shapes that are, within sampling, those of a training identity.
-    near: held-out shapes closer to training than any two families of training are to each other.
+    copies: held-out shapes that cannot be told from a training identity's by more than samplings of one individual.
     """
 
     identities: int
@@ -65,7 +83,6 @@ class Leakage:
     shared_files: tuple[tuple[str, ...], ...]
     out_of_split: tuple[str, ...]
     copies: tuple[Neighbour, ...]
-    near: tuple[Neighbour, ...]
     by_class: tuple[ClassDistances, ...]
     neighbours: tuple[Neighbour, ...]
 
@@ -84,16 +101,14 @@ def leakage(entries: DatasetEntries, shapes: Sequence[Embedded]) -> Leakage:
     split_of = {identity.name: identity.split for identity in everyone}
     train = [item for item in shapes if item.entry.split == "train"]
     held_out = [item for item in shapes if item.entry.split != "train"]
-    by_class, neighbours, near = [], [], []
+    by_class, neighbours = [], []
     for label in dict.fromkeys(item.entry.label for item in shapes):
         known = [item for item in train if item.entry.label == label]
         found = [_nearest(item, known) for item in held_out if item.entry.label == label and known]
         inner = [_nearest(item, others) for item in known if (others := _other_families(item, known))]
-        row = _distances(label, inner, found, max(i.noise for i in shapes if i.entry.label == label))
-        by_class.append(row)
+        own = np.concatenate([item.own() for item in shapes if item.entry.label == label])
+        by_class.append(_distances(label, inner, found, own))
         neighbours += found
-        near += [n for n in found if n.distance < row.train_to_train[0]]
-    noise = {item.entry.name: item.noise for item in shapes}
     return Leakage(
         identities=len(split_of),
         shared_names=_in_several_splits([(i.name, i.split) for i in everyone]),
@@ -102,10 +117,9 @@ def leakage(entries: DatasetEntries, shapes: Sequence[Embedded]) -> Leakage:
         out_of_split=tuple(
             s.name for s in entries.sequences if any(split_of.get(name, s.split) != s.split for name in s.objects)
         ),
-        copies=tuple(n for n in neighbours if n.distance < COPY * max(noise[n.identity], noise[n.nearest])),
-        near=tuple(near),
+        copies=tuple(n for n in neighbours if n.ratio <= 1.0),
         by_class=tuple(by_class),
-        neighbours=tuple(sorted(neighbours, key=lambda n: n.distance)),
+        neighbours=tuple(sorted(neighbours, key=lambda n: n.ratio)),
     )
 
 
@@ -143,17 +157,26 @@ def _other_families(item: Embedded, everyone: Sequence[Embedded]) -> list[Embedd
 
 
 def _nearest(item: Embedded, others: Sequence[Embedded]) -> Neighbour:
-    distances = [float(np.linalg.norm(item.embedding - other.embedding)) for other in others]
+    distances = [item.distance(other) for other in others]
     index = int(np.argmin(distances))
-    return Neighbour(item.entry.name, others[index].entry.name, distances[index])
+    nearest = others[index]
+    resampling = float(max(item.own().max(), nearest.own().max()))
+    return Neighbour(item.entry.name, nearest.entry.name, distances[index], resampling)
 
 
-def _distances(label: str, inner: Sequence[Neighbour], outer: Sequence[Neighbour], noise: float) -> ClassDistances:
-    ends = [
-        (float(min(d)), float(np.median(d))) if (d := [n.distance for n in part]) else (np.nan, np.nan)
-        for part in (inner, outer)
-    ]
-    return ClassDistances(label, ends[0], ends[1], noise)
+def _distances(
+    label: str, inner: Sequence[Neighbour], outer: Sequence[Neighbour], own: Float[np.ndarray, "pair"]
+) -> ClassDistances:
+    def ends(values: Sequence[float]) -> tuple[float, float]:
+        return (float(min(values)), float(np.median(values))) if values else (np.nan, np.nan)
+
+    return ClassDistances(
+        label,
+        ends([n.distance for n in inner]),
+        ends([n.distance for n in outer]),
+        (float(np.median(own)), float(own.max())),
+        ends([n.ratio for n in outer]),
+    )
 
 
 def verdict(found: Leakage) -> Mapping[str, bool]:

@@ -40,18 +40,20 @@ def draw_surface_points(
     return SurfacePoints(face, np.stack([1 - root, root * (1 - along), root * along], axis=1))
 
 
-def shape_distribution(points: Float[np.ndarray, "point 3"], rng: np.random.Generator) -> Float[np.ndarray, "quantile"]:
+def shape_distribution(
+    points: Float[np.ndarray, "point 3"], rng: np.random.Generator, pairs: int = PAIRS
+) -> Float[np.ndarray, "quantile"]:
     """Quantiles of the distance between two random surface points over its mean: D2 of Osada et al. (2002).
 
     The root mean square difference of two such vectors is the Wasserstein-2 distance of the distributions.
     """
-    first, second = rng.integers(len(points), size=(2, PAIRS))
+    first, second = rng.integers(len(points), size=(2, pairs))
     distance = np.linalg.norm(points[first] - points[second], axis=1)
     return np.quantile(distance / distance.mean(), (np.arange(QUANTILES) + 0.5) / QUANTILES)
 
 
 def shape_embedding(
-    points: Float[np.ndarray, "time point 3"], area: float, rng: np.random.Generator
+    points: Float[np.ndarray, "time point 3"], area: float, rng: np.random.Generator, pairs: int = PAIRS
 ) -> Float[np.ndarray, "feature"]:
     """Numbers of an animated shape whose Euclidean distance says how unlike two shapes are.
 
@@ -62,8 +64,9 @@ def shape_embedding(
         points: on the surface, at some times of the animation.
         area: of the surface, in the square of the points' unit.
         rng: draws the pairs of points.
+        pairs: distances drawn at each time.
     """
-    distances = np.mean([shape_distribution(cloud, rng) for cloud in points], axis=0)
+    distances = np.mean([shape_distribution(cloud, rng, pairs) for cloud in points], axis=0)
     extents = np.mean([np.sqrt(np.linalg.eigvalsh(np.cov(cloud.T)).clip(0.0))[::-1] for cloud in points], axis=0)
     largest = max(float(extents[0]), 1e-12)
     ratios = np.array([extents[1], extents[2]]) / largest

@@ -164,17 +164,19 @@ def _leakage(found: Leakage) -> tuple[Table, ...]:
     distances = tuple(
         (
             row.label,
-            *(number(v) for v in (*row.train_to_train, *row.test_to_train)),
-            number(row.noise),
-            ", ".join(f"{n.identity} ~ {n.nearest}" for n in found.near if n.identity.startswith(row.label)) or "–",
+            *(number(v) for v in (*row.train_to_train, *row.test_to_train, *row.resampling, *row.ratio)),
         )
         for row in found.by_class
     )
-    header = ("class", "train, least", "train, median", "held out, least", "held out, median", "noise", "nearer")
+    header = (
+        "class", "train, least", "train, median", "held out, least", "held out, median", "one individual, median",
+        "one individual, largest", "least ratio", "median ratio",
+    )  # fmt: skip
     note = (
         "Distance of shape embeddings to the nearest training identity of the class: between different families of "
-        "training, and from validation and test. Noise: two samplings of one shape. Nearer: held-out identities that "
-        "are closer to training than any two families of training are to each other."
+        "training, and from validation and test. One individual: two samplings of it, with other points at other "
+        "phases of its motion. Ratio: a held-out identity's distance over the largest within "
+        "those two individuals; at 1 or less they cannot be told apart, and the check fails."
     )
     return (
         Table("Leakage between splits", f"{found.identities} identities.", ("check", "passes", "crossing"), checks),

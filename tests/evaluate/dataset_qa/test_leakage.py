@@ -11,6 +11,9 @@ from support.dataset_entries import sequence
 from aerojax.core.errors import UserError
 from aerojax.data.manifest import DatasetEntries, IdentityEntry
 from aerojax.evaluate.dataset_qa.leakage import Embedded, leakage, verdict
+from aerojax.evaluate.dataset_qa.shape_jobs import samplings_of
+from aerojax.simulate.assets.animated import build_animated
+from aerojax.simulate.assets.catalogue import identities
 
 
 def crossing(tmp_path: Path, test_shape: float, test_bytes: bytes, family: str = "c") -> DatasetEntries:
@@ -23,16 +26,26 @@ def crossing(tmp_path: Path, test_shape: float, test_bytes: bytes, family: str =
 
 
 def embedded(entries: DatasetEntries, *places: float) -> list[Embedded]:
-    return [Embedded(i, np.array([p, 0.0]), 0.01) for i, p in zip(entries.identities, places, strict=True)]
+    """Five samplings a hundredth apart about each place."""
+    spread = 0.01 * np.stack([np.arange(-2.0, 3.0), np.zeros(5)], axis=1)
+    return [
+        Embedded(
+            i,
+            np.array([p, 0.0]) + spread,
+        )
+        for i, p in zip(entries.identities, places, strict=True)
+    ]
 
 
 def test_disjoint_splits_pass(tmp_path):
     entries = crossing(tmp_path, 3.0, b"3")
     found = leakage(entries, embedded(entries, 0.0, 1.0, 3.0))
     assert all(verdict(found).values())
-    assert found.by_class[0].train_to_train == (1.0, 1.0)
-    assert found.by_class[0].test_to_train == (2.0, 2.0)
-    assert found.near == ()
+    assert found.by_class[0].train_to_train == pytest.approx((1.0, 1.0))
+    assert found.by_class[0].test_to_train == pytest.approx((2.0, 2.0))
+    # Pairs of five places on a line: four at 1, three at 2, two at 3 and one at 4 hundredths.
+    assert found.by_class[0].resampling == pytest.approx((0.02, 0.04))
+    assert found.by_class[0].ratio == pytest.approx((50.0, 50.0))
 
 
 def test_copies_are_found_by_bytes_and_by_shape(tmp_path):
@@ -50,7 +63,8 @@ def test_near_shapes_and_out_of_split(tmp_path):
     stranger = sequence("c", "bird", "test", 5, "bird_a")
     entries = DatasetEntries(entries.folders, (stranger,), entries.identities)
     found = leakage(entries, embedded(entries, 0.0, 1.0, 0.4))
-    assert [n.identity for n in found.near] == ["bird_c"] and found.copies == ()
+    assert [n.identity for n in found.neighbours] == ["bird_c"] and found.copies == ()
+    assert found.neighbours[0].ratio == pytest.approx(10.0)
     assert found.out_of_split == ("c",) and not verdict(found)["sequences keep to their split"]
 
 
@@ -59,3 +73,21 @@ def test_a_missing_asset_is_named(tmp_path):
     (tmp_path / "bird_b.usdc").unlink()
     with pytest.raises(UserError, match=r"bird_b\.usdc"):
         leakage(entries, embedded(entries, 0.0, 1.0, 2.0))
+
+
+@pytest.mark.parametrize("label", ["bird", "helicopter"])
+def test_a_copy_is_found_and_another_kind_is_not(label, tmp_path):
+    """One individual sampled twice under two names is a copy; one of a held-out family is none."""
+    first, second, *_ = [i for i in identities("train") if i.label == label]
+    other = next(i for i in identities("test") if i.label == label)
+    entries, shapes = [], []
+    for number, (identity, split) in enumerate([(first, "train"), (second, "train"), (first, "test"), (other, "val")]):
+        path = tmp_path / f"{number}.usdc"
+        path.write_bytes(str(number).encode())
+        entries.append(IdentityEntry(str(number), label, str(number), split, path, "Apache-2.0", "aerojax"))
+        samplings = samplings_of(build_animated(identity), np.random.default_rng(number), 3)
+        shapes.append(Embedded(entries[-1], samplings))
+    found = leakage(DatasetEntries((tmp_path,), (), tuple(entries)), shapes)
+    assert [(n.identity, n.nearest) for n in found.copies] == [("2", "0")]
+    ratios = {n.identity: n.ratio for n in found.neighbours}
+    assert ratios["2"] <= 1.0 < ratios["3"]
