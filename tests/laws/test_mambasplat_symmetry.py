@@ -107,6 +107,29 @@ def test_logits_drift_little_under_rotation_in_single_precision(mode, lifting):
     assert drift <= 1e-5
 
 
+@pytest.mark.parametrize("seeds", ["farthest", "first"])
+def test_merged_tokens_do_not_see_rotations(seeds):
+    model = _model(merged_tokens=16, merge_seeds=seeds)
+    clip = random_clip(1, tokens=96)
+    rotations = jax.vmap(lambda key: haar_rotation(key=key))(jax.random.split(jax.random.key(4), 32))
+    turned = jax.vmap(lambda rotation: rotate_columns(clip, rotation))(rotations)
+    logits = logits_of(model, jnp.concatenate([turned, clip[None], clip[None].at[..., 0].multiply(2.0)]), ALL)
+    assert jnp.abs(logits[:32] - logits[32:33]).max() <= 1e-5
+    assert jnp.abs(logits[33] - logits[32]).max() > 1e-4
+
+
+def test_merged_tokens_see_neither_order_nor_padding_nor_quaternions():
+    model, clip = _model(merged_tokens=16), random_clip(3, tokens=48)
+    shuffled = clip[:, jax.random.permutation(jax.random.key(0), 48)]
+    quaternion, permutation = representatives()[7]
+    relabelled = other_representative(clip, quaternion, permutation)
+    logits = logits_of(model, jnp.stack([clip, shuffled, relabelled]), ALL)
+    np.testing.assert_allclose(logits[1:], jnp.broadcast_to(logits[0], (2, 4)), atol=1e-5)
+    padded = jnp.concatenate([1e3 * random_clip(5, tokens=8), clip], axis=1)
+    mask = jnp.broadcast_to(jnp.arange(56) >= 8, (4, 56))
+    np.testing.assert_allclose(logits_of(model, padded[None], mask)[0], logits[0], atol=1e-5)
+
+
 def test_the_drift_check_catches_the_published_bias():
     model = MambaSplat(published_config("C"), key=jax.random.key(0))
     clip, rotation = random_clip(1), haar_rotation(key=jax.random.key(5))
@@ -190,8 +213,9 @@ def test_symmetric_shapes_keep_token_invariants():
     assert jnp.abs(described[0] - described[1]).max() > 1e-2
 
 
+@pytest.mark.parametrize("merged", [0, 4])
 @pytest.mark.parametrize("case", ["one point", "no token", "line", "zero scales"])
-def test_gradients_stay_finite_at_degenerate_clips(case):
+def test_gradients_stay_finite_at_degenerate_clips(case, merged):
     clip, mask = random_clip(11, time=2, tokens=8), jnp.ones((2, 8), bool)
     if case == "one point":
         clip = jnp.broadcast_to(clip[:1, :1], clip.shape)
@@ -201,7 +225,7 @@ def test_gradients_stay_finite_at_degenerate_clips(case):
         clip = clip.at[..., 7:10].set(0.0)
     else:
         mask = jnp.zeros_like(mask)
-    gradients = _input_gradient(_model(depth=2, mamba_layers=1), clip, mask)
+    gradients = _input_gradient(_model(depth=2, mamba_layers=1, merged_tokens=merged), clip, mask)
     assert all(bool(jnp.isfinite(leaf).all()) for leaf in jax.tree.leaves(gradients))
 
 

@@ -20,6 +20,7 @@ CAUSAL = {
     "none": {"scale_normalisation": "none", "readout": "last"},
     "running": {"scale_normalisation": "running"},
     "running, last, metric": {"scale_normalisation": "running", "readout": "last", "metric_size": True},
+    "running, merged": {"scale_normalisation": "running", "merged_tokens": 5},
     "running, without time": {"scale_normalisation": "running", "temporal": "none"},
 }
 AHEAD = {

@@ -12,6 +12,7 @@ from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.motion import MOTION_FEATURES
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
+from aerojax.gaussians.merge import Seeds
 
 if TYPE_CHECKING:
     from aerojax.classify.mambasplat.classifier import MambaSplatClassifier
@@ -59,6 +60,15 @@ class MambaSplatConfig(ClassifierConfig):
     motion_features: bool = False
     """Whether speed, turn and change of shape from frame to frame are features (`motion`): they lift invariance to
     rotations of single frames, not to those of the clip."""
+    merged_tokens: int = 0
+    """Gaussians that each frame's tokens are merged into by their moments before they are read; 0 reads the tokens as
+    they come. Radius and centre are those of all tokens."""
+    merge_seeds: Seeds = "farthest"
+    """Where the merged Gaussians begin (`gaussians.merge`): "farthest" spreads them and does not see the tokens' order;
+    only where two tokens are equally far within rounding may a turned frame begin elsewhere. "first" begins at the
+    first tokens of a frame, which decides nothing by geometry."""
+    merge_steps: int = 2
+    """How often the seeds move to the means of their tokens."""
     channels: int = 14
     heads: int = 4
     head_dim: int = 8
@@ -94,6 +104,17 @@ class MambaSplatConfig(ClassifierConfig):
                 raise UserError(
                     "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "it must be at least 1"
                 )
+        for name in ("merged_tokens", "merge_steps"):
+            if getattr(self, name) < 0:
+                raise UserError(
+                    "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "it must be at least 0"
+                )
+        if self.merged_tokens and self.lifting == "columns" and uses_shape(self.mode):
+            raise UserError(
+                "mismatch",
+                "lifting is 'columns' in MambaSplatConfig, but merged Gaussians have covariances and no axes",
+                "set lifting to 'covariance' or merged_tokens to 0",
+            )
         for name in ("dropout", "drop_path", "head_dropout"):
             if not 0 <= getattr(self, name) < 1:
                 raise UserError(
@@ -150,6 +171,7 @@ def frame_extras(config: MambaSplatConfig) -> int:
 
 PUBLISHED: dict[str, Any] = {
     "lifting": "columns",
+    "merged_tokens": 0,
     "scale_normalisation": "none",
     "scalar_slots": 1,
     "metric_size": False,

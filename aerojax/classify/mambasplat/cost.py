@@ -49,13 +49,14 @@ def operations(config: MambaSplatConfig, frames: int, tokens: int) -> int:
     """Floating-point operations of one clip of either variant, by the convention of `published_operations`.
 
     The exact variant's lift counts its matrix products too, those of 3x3 covariances included; eigenvectors of the
-    bridge `pca_frame` do not count.
+    bridge `pca_frame` and the merging of tokens in front of the network do not count.
 
     Raises:
         UserError: for a published model with another bridge or temporal model than the released one.
     """
     if config.variant == "published":
         return published_operations(config, frames, tokens)
+    tokens = config.merged_tokens or tokens
     c, slots = config.channels, 3 + config.scalar_slots
     attended, wide = config.heads * config.head_dim, FEED_FORWARD_FACTOR * c
     block = tokens * (4 * c * attended + 3 * c * wide) * slots + 2 * tokens**2 * attended * slots
@@ -71,7 +72,9 @@ def _exact_lift(config: MambaSplatConfig, tokens: int) -> int:
     shape, covariance = uses_shape(config.mode), config.lifting == "covariance"
     vectors = 1 if not shape else 3 if covariance else 4
     invariants = 1 + uses_opacity(config.mode) + 3 * uses_colour(config.mode) + 3 * (shape and covariance)
-    products = 45 * (shape and covariance)
+    invariants += config.merged_tokens > 0
+    # Merged Gaussians come with their covariances.
+    products = (18 if config.merged_tokens else 45) * (shape and covariance)
     return tokens * (products + 3 * vectors * config.channels + invariants * config.scalar_slots * config.channels)
 
 

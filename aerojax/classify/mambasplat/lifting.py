@@ -12,11 +12,17 @@ from aerojax.classify.mambasplat.encoder import bias_epsilon, masked_mean, weigh
 from aerojax.classify.mambasplat.motion import median_distance, motion_invariants
 from aerojax.classify.mambasplat.vector_neurons import VNLinear, draw_weight
 from aerojax.core.types import pytree_dataclass
+from aerojax.gaussians.merge import MergedGaussians
 from aerojax.geometry.covariances import covariance_from_axes
 from aerojax.geometry.rotations import rotation_from_quaternion
 
 SMALLEST_RELATIVE_SCALE = 1e-4
 """Scales below this share of the object's radius count as this: a flat Gaussian's logarithm stays finite."""
+SMALLEST_VARIANCE_SHARE = 1e-3
+"""Added to a merged covariance in shares of its mean variance: rounding moves the logarithm of the determinant by no
+more than 1e-7 / 1e-3."""
+SMALLEST_MASS = 1e-3
+"""Clusters with a smaller share of the mean cluster's mass count as this."""
 
 
 @pytree_dataclass
@@ -118,7 +124,13 @@ def covariance_vectors(
         return position[..., None]
     # Division by the largest axis first keeps tr Σ away from the smallest floats.
     largest = jnp.maximum(jnp.abs(columns[:, 7:10]).max(axis=-1, keepdims=True), 1e-9)
-    covariance = covariance_from_axes(columns[:, 3:7], columns[:, 7:10] / largest)
+    return covariance_products(position, covariance_from_axes(columns[:, 3:7], columns[:, 7:10] / largest))
+
+
+def covariance_products(
+    position: Float[Array, "token 3"], covariance: Float[Array, "token 3 3"]
+) -> Float[Array, "token 3 vector"]:
+    """p, Σ̂p and Σ̂²p with Σ̂ = 3Σ/tr Σ."""
     trace = jnp.maximum(jnp.trace(covariance, axis1=-2, axis2=-1), 1e-9)
     once = 3 * jnp.einsum("nij,nj->ni", covariance, position) / trace[:, None]
     twice = 3 * jnp.einsum("nij,nj->ni", covariance, once) / trace[:, None]
@@ -137,6 +149,24 @@ def shape_invariants(scale: Float[Array, "token 3"]) -> Float[Array, "token 3"]:
     volume = jnp.log(floored).mean(axis=-1) + 4
     anisotropy = (square * square).sum(axis=-1) / (trace * trace)
     return jnp.stack([size, volume, anisotropy], axis=-1)
+
+
+def merged_shape_invariants(covariance: Float[Array, "token 3 3"]) -> Float[Array, "token 3"]:
+    """`shape_invariants` of covariances, without their eigenvalues: trace, determinant and square are symmetric too.
+
+    The determinant is the product of the pivots of Cholesky's method, whose rounding is that of the entries.
+    """
+    trace = jnp.trace(covariance, axis1=-2, axis2=-1) + 3 * SMALLEST_RELATIVE_SCALE**2
+    unit = 3 * covariance / trace[:, None, None] + SMALLEST_VARIANCE_SHARE * jnp.eye(3, dtype=covariance.dtype)[None]
+    a, b, c = unit[:, 0, 0], unit[:, 0, 1], unit[:, 0, 2]
+    second = unit[:, 1, 1] - b * b / a
+    mixed = unit[:, 1, 2] - b * c / a
+    third = unit[:, 2, 2] - c * c / a - mixed * mixed / second
+    size = 0.5 * jnp.log(trace / 3) + 4
+    # Pivots are at least the share that was added, but for rounding.
+    pivots = jnp.maximum(jnp.stack([a, second, third]), 0.1 * SMALLEST_VARIANCE_SHARE)
+    volume = size + jnp.log(pivots).sum(axis=0) / 6
+    return jnp.stack([size, volume, jnp.sum(unit**2, axis=(1, 2)) / 9], axis=-1)
 
 
 def published_invariants(columns: Float[Array, "token 14"], mode: Mode) -> Float[Array, "token invariant"]:
@@ -180,6 +210,7 @@ class ExactLifting(nnx.Module):
         shape = uses_shape(config.mode)
         vectors = 1 if not shape else 3 if self.covariance else 4
         invariants = 1 + uses_opacity(self.mode) + 3 * uses_colour(self.mode) + 3 * (shape and self.covariance)
+        invariants += config.merged_tokens > 0
         self.linear = VNLinear(vectors, config.channels, key=vector_key)
         self.scalars = nnx.Param(draw_weight((self.slots * config.channels, invariants), "fan_in", key=scalar_key))
 
@@ -188,9 +219,25 @@ class ExactLifting(nnx.Module):
     ) -> Float[Array, "token slot channel"]:
         """Lift one frame that `normalise_clip` has centred and scaled."""
         vectors = (covariance_vectors if self.covariance else column_vectors)(columns[:, :3], columns, self.mode)
-        invariants = [jnp.ones_like(columns[:, :1]), published_invariants(columns, self.mode)]
+        invariants = [published_invariants(columns, self.mode)]
         if self.covariance and uses_shape(self.mode):
             invariants.append(shape_invariants(columns[:, 7:10]))
-        scalars = jnp.concatenate(invariants, axis=-1) @ self.scalars[...].T
-        scalars = scalars.reshape(columns.shape[0], self.slots, -1)
+        return self._mix(vectors, invariants, mask)
+
+    def merged(self, gaussians: MergedGaussians) -> Float[Array, "token slot channel"]:
+        """Lift one frame's merged Gaussians; their mass, in shares of the mean one, is one more invariant of theirs."""
+        vectors, mask = gaussians.mean[..., None], gaussians.mask
+        invariants = [gaussians.opacity[:, None]] * uses_opacity(self.mode) + [gaussians.colour] * uses_colour(
+            self.mode
+        )
+        if uses_shape(self.mode):
+            vectors = covariance_products(gaussians.mean, gaussians.covariance)
+            invariants.append(merged_shape_invariants(gaussians.covariance))
+        mass = gaussians.share * mask.sum().astype(gaussians.share.dtype)
+        invariants.append(jnp.log(jnp.maximum(mass, SMALLEST_MASS))[:, None])
+        return self._mix(vectors, invariants, mask)
+
+    def _mix(self, vectors: Array, invariants: list[Array], mask: Array) -> Float[Array, "token slot channel"]:
+        scalars = jnp.concatenate([jnp.ones_like(vectors[:, :1, 0]), *invariants], axis=-1) @ self.scalars[...].T
+        scalars = scalars.reshape(vectors.shape[0], self.slots, -1)
         return jnp.where(mask[:, None, None], jnp.concatenate([self.linear(vectors), scalars], axis=1), 0.0)

@@ -38,6 +38,7 @@ from aerojax.classify.mambasplat.lifting import (
 from aerojax.classify.mambasplat.mamba import MambaStack, MambaState, sinusoids
 from aerojax.classify.mambasplat.vector_neurons import VNLinear
 from aerojax.core.types import pytree_dataclass
+from aerojax.gaussians.merge import merge_moments
 
 
 @pytree_dataclass
@@ -121,6 +122,10 @@ class MambaSplat(nnx.Module):
         return self._describe_all(columns, mask, extra), mask.any(axis=1)
 
     def _describe_all(self, columns: Array, mask: Array, extra: Array) -> Float[Array, "time width"]:
+        if self.config.merged_tokens:
+            # One frame after the other: its table of tokens and clusters stays in a cache.
+            lifted, mask = jax.lax.map(lambda frame: self._lift(*frame), (columns, mask))
+            return jax.vmap(self._read)(lifted, mask, extra)
         # Many small frames are one large product each; a large frame alone fills the machine, and its cache.
         if columns.shape[1] <= LARGE_FRAME:
             return jax.vmap(self.describe)(columns, mask, extra)
@@ -130,7 +135,20 @@ class MambaSplat(nnx.Module):
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], extra: Float[Array, "extra"]
     ) -> Float[Array, "width"]:
         """The invariant descriptor of one normalised frame."""
-        tokens = self.encoder(self.lifting(columns, mask), mask)
+        return self._read(*self._lift(columns, mask), extra)
+
+    def _lift(self, columns: Array, mask: Array) -> tuple[Float[Array, "some slot channel"], Bool[Array, "some"]]:
+        """A normalised frame's tokens, merged if so configured, and which of them are valid."""
+        config = self.config
+        if not (config.merged_tokens and isinstance(self.lifting, ExactLifting)):
+            return self.lifting(columns, mask), mask
+        merged = merge_moments(columns, mask, config.merged_tokens, lloyd=config.merge_steps, seeds=config.merge_seeds)
+        # Nothing in front of the lifting learns.
+        merged = jax.lax.stop_gradient(merged)
+        return self.lifting.merged(merged), merged.mask
+
+    def _read(self, lifted: Array, mask: Array, extra: Array) -> Float[Array, "width"]:
+        tokens = self.encoder(lifted, mask)
         return self.bridge(self.pool(masked_mean(tokens, mask)), tokens, mask, extra)
 
     def embed(

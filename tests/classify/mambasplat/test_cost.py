@@ -111,6 +111,12 @@ def test_exact_operations_are_the_matrix_products_of_the_program(changes):
     assert operations(config, frames, tokens) == 2 * (matrix_products(traced.jaxpr) + vectors - mask_feature)
 
 
+def test_merged_tokens_cost_what_so_many_tokens_do_but_for_their_covariances():
+    merged, plain = operations(MambaSplatConfig(merged_tokens=64), 5, 512), operations(MambaSplatConfig(), 5, 64)
+    mass, own_covariance = 14, 27
+    assert merged - plain == 2 * 5 * 64 * (mass - own_covariance)
+
+
 def test_what_the_published_formula_does_not_describe_is_refused():
     with pytest.raises(UserError, match="bridge 'vn_in'"):
         operations(published_config("X", bridge="gram"), 4, 8)

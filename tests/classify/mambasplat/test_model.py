@@ -100,6 +100,10 @@ def test_configurations_that_contradict_themselves_are_refused():
         MambaSplatConfig(depth=0)
     with pytest.raises(UserError, match="d_model is 33"):
         MambaSplatConfig(d_model=33)
+    with pytest.raises(UserError, match="merged_tokens is -1"):
+        MambaSplatConfig(merged_tokens=-1)
+    with pytest.raises(UserError, match="no axes"):
+        MambaSplatConfig(merged_tokens=64, lifting="columns")
     assert to_dataclass({"mode": "C_O", "depth": 2}, MambaSplatConfig) == MambaSplatConfig(mode="C_O", depth=2)
 
 
