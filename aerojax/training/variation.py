@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import jax
@@ -15,6 +15,7 @@ from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Gaussians
 from aerojax.gaussians.rotate import rotate
 from aerojax.geometry.rotations import haar_rotation, rotation_about_z
+from aerojax.training.crop_variation import CropVariationConfig, vary_images
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class VariationConfig:
     scale: the whole clip becomes larger or smaller by a factor between exp(-scale) and exp(scale).
     axis_scale: the released code's stretch, as in `stretch_axes`, by factors between 1 - axis_scale and 1 + axis_scale.
     rotation: how the whole clip is turned: not at all, about +Z, or uniformly over SO(3).
+    crops: how its images are varied, where they are read.
     """
 
     frames: int = 12
@@ -40,6 +42,7 @@ class VariationConfig:
     scale: float = 0.0
     axis_scale: float = 0.0
     rotation: Literal["none", "z", "so3"] = "none"
+    crops: CropVariationConfig = field(default_factory=CropVariationConfig)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be drawn.
@@ -96,11 +99,13 @@ def vary_clip(
 
 
 def vary_crops(crops: Crops, present: Bool[Array, "time"], config: VariationConfig, *, key: Key[Array, ""]) -> Crops:
-    """The crops of the window that `vary_clip` takes with the same key."""
+    """The crops of the window that `vary_clip` takes with the same key, varied by `VariationConfig.crops`."""
     window = jax.random.split(key, 8)[0]
-    index, _ = _window(present, config, key=window)
+    index, real = _window(present, config, key=window)
     index = jnp.minimum(index, present.shape[0] - 1)
-    return jax.tree.map(lambda leaf: leaf[index], crops)
+    taken = Crops(crops.rgba[index], crops.valid[index] & real[:, None])
+    # The ninth of the keys of which `vary_clip` takes eight.
+    return vary_images(taken, config.crops, key=jax.random.fold_in(key, 8))
 
 
 def _window(
