@@ -76,7 +76,7 @@ class FaultRanges:
     without: of the clips, one draw a fault.
     rotation_deg, position_m, focal_percent: standard deviations of the stated calibration, as in `FaultConfig`.
     clock_ms: largest offset of a camera's clock that nobody states.
-    lost: cameras that record nothing.
+    lost: cameras that record nothing; at least the pipeline's `min_views` are left.
     mask_threshold: least coverage of a mask's pixel.
     mask_growth: pixels by which masks are dilated, eroded where it is negative; whole numbers.
     sensor: strength of blur, exposure, colour balance and noise, 0..1; see `draw_sensor`.
@@ -104,7 +104,7 @@ class FactoryConfig:
     least_frames: usable frames that a clip needs; else it is drawn anew.
     attempts: draws of one clip before it is given up.
     tokens: Gaussians kept of each frame.
-    images: rays; its mask threshold is drawn instead.
+    images: samples of pixels; its mask threshold is drawn instead.
     pipeline: from images to Gaussians.
     """
 
@@ -119,7 +119,7 @@ class FactoryConfig:
     rigs: RigRanges = field(default_factory=RigRanges)
     flights: FlightRanges = field(default_factory=FlightRanges)
     faults: FaultRanges = field(default_factory=FaultRanges)
-    images: ImageConfig = field(default_factory=lambda: ImageConfig(depth=False))
+    images: ImageConfig = field(default_factory=lambda: ImageConfig(depth=False, rays_across=256))
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
 
     def __post_init__(self) -> None:

@@ -139,7 +139,7 @@ def crop_clip(frames: list[list[Sight | None]], plan: ClipPlan, config: FactoryC
     valid = valid[_stretched(used, len(frames))]
     K = _padded(np.stack([camera.K for camera in plan.calibration]))
     crops, centres = _aim(K, poses, boxes, valid, config.pipeline.crop_size)
-    rgb, mask = _pixels([frames[f] for f in used], used, valid, crops.crop_from_image, plan, config)
+    rgb, mask = _pixels([frames[f] for f in used], used, valid, np.asarray(crops.crop_from_image), plan, config)
     count = len(used)
     in_crop = np.array(crops.camera.world_from_cam)
     in_crop[..., :3, 3] -= centres[:, None]

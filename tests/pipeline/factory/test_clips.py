@@ -24,6 +24,7 @@ PLANE = identities("train")[2]
 MEANS, SHAPES = slice(0, 3), slice(3, 11)
 
 
+@pytest.mark.slow
 def test_a_clip_is_that_of_the_recorded_scene(tmp_path):
     config = small_factory(faults=replace(IDEAL, rotation_deg=(0.1, 0.1)))
     mesh = build_animated(PLANE)
