@@ -134,16 +134,21 @@ def test_dropped_paths_leave_the_answer_to_the_other_and_its_own_head_as_it_was(
     assert set(np.asarray(distance.argmin(axis=0)).tolist()) == {0, 1}
 
 
+@jax.jit
+def slope_of(classifier, seen, mask):
+    def loss(classifier):
+        logits = classifier.training_logits(seen.gaussians.columns(), mask, seen.crops, key=jax.random.key(2))
+        return logits[:, 0].sum()
+
+    return jax.grad(loss)(classifier)
+
+
 @pytest.mark.parametrize("kind", ["both", "no view counts", "no crops"])
 @pytest.mark.parametrize("tokens", [True, False])
 def test_gradients_are_finite_whatever_is_missing(classifier, kind, tokens):
     seen, mask = evidence(8, kind), jnp.full((TIME, TOKENS), tokens)
 
-    def loss(classifier):
-        logits = classifier.training_logits(seen.gaussians.columns(), mask, seen.crops, key=jax.random.key(2))
-        return logits[:, 0].sum()
-
-    slope = jax.jit(jax.grad(loss))(classifier)
+    slope = slope_of(classifier, seen, mask)
     assert all(bool(jnp.isfinite(leaf).all()) for leaf in jax.tree.leaves(slope))
     assert jnp.abs(slope.network.joint.out.bias[...]).max() > 0
 

@@ -130,17 +130,21 @@ def test_a_roll_of_the_cameras_changes_less_than_other_wings():
     assert rolled < 0.5 * other
 
 
+@jax.jit
+def slopes_of(classifier, rgba, valid):
+    def loss(classifier, rgba):
+        mask, columns = jnp.ones((TIME, 4), bool), jnp.ones((TIME, 4, 14))
+        return classifier.training_logits(columns, mask, crops_of(rgba, valid), key=jax.random.key(1))[0, 0]
+
+    return jax.grad(loss, argnums=(0, 1))(classifier, rgba)
+
+
 @pytest.mark.parametrize("name", MASKS)
 def test_gradients_are_finite_whatever_counts(name):
     classifier, crops = classifier_of(colour=True), random_crops(8)
     rgba, valid = jnp.asarray(crops.rgba).at[2].set(0.0), jnp.asarray(MASKS[name])
 
-    def loss(classifier, rgba):
-        mask, columns = jnp.ones((TIME, 4), bool), jnp.ones((TIME, 4, 14))
-        logits = classifier.training_logits(columns, mask, crops_of(rgba, valid), key=jax.random.key(1))
-        return logits[0, 0]
-
-    slopes = jax.jit(jax.grad(loss, argnums=(0, 1)))(classifier, rgba)
+    slopes = slopes_of(classifier, rgba, valid)
     assert all(bool(jnp.isfinite(leaf).all()) for leaf in jax.tree.leaves(slopes))
     assert jnp.abs(slopes[0].network.head.out.bias[...]).max() > 0
 
