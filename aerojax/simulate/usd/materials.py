@@ -15,6 +15,7 @@ from pxr import Ar, Usd, UsdGeom, UsdShade
 
 from aerojax.core.colour import srgb_from_linear
 from aerojax.core.errors import UserError
+from aerojax.simulate.usd.pictures import decode_picture
 
 EARLIEST = Usd.TimeCode.EarliestTime()
 GREY = 0.5
@@ -57,13 +58,7 @@ class TextureCache:
 def _read_picture(path: str) -> UInt8[np.ndarray, "height width 3"]:
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if path else None
     data = bytes(asset.GetBuffer()) if asset is not None else b""
-    picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if data else None
-    if picture is None:
-        raise UserError(
-            "unreadable",
-            f"{path or 'a texture'}: is not a readable PNG or JPEG picture",
-            "put it where its material says",
-        )
+    picture = decode_picture(data, path or "a texture", cv2.IMREAD_COLOR)
     return np.ascontiguousarray(picture[:, :, ::-1])
 
 

@@ -18,11 +18,14 @@ from aerojax.simulate.assets.importers.size import length_by_class, middle, surv
 from aerojax.simulate.assets.importers.textures import write_textures
 from aerojax.simulate.assets.importers.usd import copy_source, open_source
 from aerojax.simulate.assets.importers.write_usd import write_scene
-from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from aerojax.simulate.usd.animated_mesh import MOST_TRIANGLES, load_animated_mesh
 from aerojax.simulate.usd.authoring import row_matrix, write_stage
+from aerojax.simulate.usd.placements import MOST_COPIES
 
 DIGEST = "aerojax:import"
 """Key of the stage's layer data under which the digest of what it was converted from lies."""
+LONGEST_SECONDS = 3600.0
+"""Of a clip at its speed: an hour of cubic splines is sampled 432,000 times, a channel."""
 
 
 def convert_model(model: ImportedModel, path: Path) -> None:
@@ -57,6 +60,7 @@ def _digest_of(path: Path) -> str:
 
 def _convert_scene(model: ImportedModel, path: Path, digest: str) -> None:
     scene = at_speed(without_mirrors(_load(model)), model.speed)
+    _check_bounds(scene, model)
     textures = write_textures(scene, path, str(model.file))
 
     def fill(stage: Usd.Stage, root: Sdf.Path) -> None:
@@ -65,6 +69,19 @@ def _convert_scene(model: ImportedModel, path: Path, digest: str) -> None:
         _note_origin(stage, model, digest)
 
     write_stage(path, scene.seconds, fill)
+
+
+def _check_bounds(scene: ImportedScene, model: ImportedModel) -> None:
+    """Refuse what would write more than a stage can hold: small files can name one mesh many times."""
+    surfaces = [surface for node in scene.nodes for surface in node.surfaces]
+    faces = sum(len(surface.faces) for surface in surfaces)
+    for found, most, what in (
+        (len(surfaces), MOST_COPIES, "meshes and copies"),
+        (faces, MOST_TRIANGLES, "triangles"),
+        (scene.seconds, LONGEST_SECONDS, "seconds of animation"),
+    ):
+        if found > most:
+            raise UserError("out-of-range", f"{model.file}: holds {found:g} {what}, more than {most:g}", "simplify it")
 
 
 def _load(model: ImportedModel) -> ImportedScene:

@@ -1,20 +1,29 @@
-"""A glTF document as an imported scene: nodes, triangles, materials, skins, morph targets and one animation."""
+"""A glTF document as an imported scene: nodes, copies, skins and animation.
+
+Read here and not with trimesh, which leaves out skins, morph targets and animations.
+"""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from aerojax.core.errors import UserError
+from aerojax.simulate.assets.importers.gltf_animation import clips, tracks_of
 from aerojax.simulate.assets.importers.gltf_document import Document, image_bytes, read_accessor, read_document
-from aerojax.simulate.assets.importers.scene import ImportedScene, Material, Node, Skin, Surface, Track
+from aerojax.simulate.assets.importers.gltf_surfaces import mesh_surfaces
+from aerojax.simulate.assets.importers.scene import ImportedScene, Node, Skin, Surface, Track
+from aerojax.simulate.usd.placements import MOST_COPIES
 
-_TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_QUANTITIES = ("translation", "rotation", "scale", "weights")
+SHEAR = 1e-3
+"""Cosine between a matrix's axes above which it is no translation, rotation and scale."""
+_INSTANCING = "EXT_mesh_gpu_instancing"
 
 
 def load_gltf(path: Path, animation: int | str | None) -> ImportedScene:
@@ -22,96 +31,134 @@ def load_gltf(path: Path, animation: int | str | None) -> ImportedScene:
 
     Args:
         path: the file.
-        animation: index or name of the clip; "first" for the first one, if there is one; None for a still model.
+        animation: index or name of the clip; "first" for the first one, if there is one, with all those that move other
+            nodes (exporters write one clip a rotor); None for a still model.
 
     Raises:
         UserError: if the file is broken, needs an extension that is not read, or lacks the clip.
     """
     document = read_document(path)
     try:
-        order = _order(document)
-        place = {node: i for i, node in enumerate(order)}
-        clip = _clip(document, animation)
-        tracks = () if clip is None else _tracks(document, clip, place)
-        return ImportedScene(
-            nodes=tuple(_node(document, node, place) for node in order),
-            skins=tuple(_skin(document, skin, place) for skin in document.items("skins")),
-            textures=tuple(image_bytes(document, i) for i in range(len(document.items("images")))),
-            tracks=tracks,
-            seconds=max((float(t.seconds[-1]) for t in tracks), default=0.0),
-        )
-    except (KeyError, IndexError, TypeError) as error:
+        return _scene(document, animation)
+    except UserError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise UserError(
-            "invalid", f"{path}: this glTF file names something that it lacks ({error!r})", "export it again"
+            "invalid", f"{path}: a field of this glTF file is not as the format says ({error!r})", "export it again"
         ) from error
 
 
-def clip_names(document: Document) -> list[str]:
-    """Names of the animations, in order; numbers where they have none."""
-    return [str(clip.get("name", i)) for i, clip in enumerate(document.items("animations"))]
-
-
-def _clip(document: Document, animation: int | str | None) -> dict[str, Any] | None:
-    names = clip_names(document)
-    if animation is None or (animation == "first" and not names):
-        return None
-    animation = 0 if animation == "first" and "first" not in names else animation
-    wanted = names.index(animation) if isinstance(animation, str) and animation in names else animation
-    if isinstance(wanted, str) or not 0 <= wanted < len(names):
-        known = ", ".join(f"{i} ({name})" for i, name in enumerate(names)) or "no clip at all"
-        raise UserError(
-            "invalid",
-            f"{document.path}: animation is {animation!r}, but the file has {known}",
-            "use one of them or none",
-        )
-    return document.items("animations")[wanted]
-
-
-def _order(document: Document) -> list[int]:
-    """Nodes of the default scene, parents first."""
-    scenes = document.items("scenes")
-    nodes = document.items("nodes")
-    children = {child for node in nodes for child in node.get("children", [])}
-    roots = scenes[document.json.get("scene", 0)].get("nodes", []) if scenes else set(range(len(nodes))) - children
-    order, waiting = [], list(roots)
-    while waiting:
-        node = waiting.pop(0)
-        if node in order:
-            raise UserError("mismatch", f"{document.path}: nodes[{node}] has two parents", "export the model again")
-        order.append(node)
-        waiting.extend(nodes[node].get("children", []))
-    return order
-
-
-def _node(document: Document, index: int, place: dict[int, int]) -> Node:
-    entry = document.items("nodes")[index]
-    parent = next((i for i in place if index in document.items("nodes")[i].get("children", [])), None)
-    translation, rotation, scale = _local(entry)
-    mesh = document.items("meshes")[entry["mesh"]] if "mesh" in entry else {}
-    surfaces = (_surface(document, primitive) for primitive in mesh.get("primitives", []))
-    return Node(
-        name=str(entry.get("name", f"node_{index}")),
-        parent=-1 if parent is None else place[parent],
-        translation=translation,
-        rotation=rotation,
-        scale=scale,
-        surfaces=tuple(s for s in surfaces if s is not None),
-        skin=entry.get("skin"),
-        morph_weights=tuple(map(float, entry.get("weights", mesh.get("weights", ())))),
+def _scene(document: Document, animation: int | str | None) -> ImportedScene:
+    parents = _parents(document)
+    place = {node: i for i, node in enumerate(parents)}
+    skins = _used_skins(document, place)
+    surfaces: dict[int, tuple[Surface, ...]] = {}
+    nodes = [_node(document, index, -1 if p is None else place[p], skins, surfaces) for index, p in parents.items()]
+    tracks, seconds = tracks_of(document, clips(document, animation), place, nodes)
+    nodes = _without_hidden(document, list(parents), nodes, tracks)
+    nodes, tracks = _copied(document, list(parents), nodes, tracks)
+    return ImportedScene(
+        nodes=tuple(nodes),
+        skins=tuple(_skin(document, number, place, nodes, row) for row, number in enumerate(skins)),
+        textures=_textures(document, nodes),
+        tracks=tuple(tracks),
+        seconds=seconds,
     )
 
 
-def _local(entry: dict[str, Any]) -> tuple[Any, Any, Any]:
-    """Translation, rotation (w, x, y, z) and scale; a matrix is taken apart (§3.5.2: it always can be)."""
-    if "matrix" not in entry:
-        x, y, z, w = map(float, entry.get("rotation", (0, 0, 0, 1)))
-        return tuple(map(float, entry.get("translation", (0, 0, 0)))), (w, x, y, z), tuple(
-            map(float, entry.get("scale", (1, 1, 1)))
-        )  # fmt: skip
-    matrix = np.asarray(entry["matrix"], np.float64).reshape(4, 4).T
+def _textures(document: Document, nodes: Sequence[Node]) -> tuple[bytes, ...]:
+    """Encoded images, empty where nothing shows them."""
+    shown = {s.material.texture for node in nodes for s in node.surfaces if s.st is not None}
+    return tuple(image_bytes(document, i) if i in shown else b"" for i in range(len(document.items("images"))))
+
+
+def _parents(document: Document) -> dict[int, int | None]:
+    """Nodes of the default scene, parents first, with their parents."""
+    nodes, scenes = document.items("nodes"), document.items("scenes")
+    children = {child for node in nodes for child in node.get("children", [])}
+    if scenes:
+        roots = document.entry("scenes", document.json.get("scene", 0), "scene").get("nodes", [])
+    else:
+        roots = [i for i in range(len(nodes)) if i not in children]
+    found: dict[int, int | None] = {}
+    waiting: deque[tuple[Any, int | None]] = deque((root, None) for root in roots)
+    while waiting:
+        node, parent = waiting.popleft()
+        entry = document.entry("nodes", node, "scenes[…].nodes" if parent is None else f"nodes[{parent}].children")
+        if node in found:
+            raise UserError("mismatch", f"{document.path}: nodes[{node}] has two parents", "export the model again")
+        found[node] = parent
+        if len(found) > MOST_COPIES:
+            raise document.error(f"the scene has more than {MOST_COPIES} nodes", "merge them into fewer meshes")
+        waiting.extend((child, node) for child in entry.get("children", []))
+    return found
+
+
+def _used_skins(document: Document, place: dict[int, int]) -> list[int]:
+    """Skins of the scene's nodes; those of other scenes have no joints here."""
+    nodes = document.items("nodes")
+    named = [nodes[i]["skin"] for i in place if "skin" in nodes[i] and "mesh" in nodes[i]]
+    for skin in named:
+        document.entry("skins", skin, "nodes[…].skin")
+    return sorted(set(named))
+
+
+def _node(document: Document, index: int, parent: int, skins: list[int], known: dict[int, tuple[Surface, ...]]) -> Node:
+    """A node with its mesh; `known` holds the meshes that were read before."""
+    entry, where = document.items("nodes")[index], f"nodes[{index}]"
+    translation, rotation, scale = _local(document, entry, where)
+    mesh, number = {}, entry.get("mesh")
+    if number is not None:
+        mesh = document.entry("meshes", number, f"{where}.mesh")
+        if number not in known:
+            known[number] = mesh_surfaces(document, number, f"{where}.mesh")
+    surfaces = known[number] if number is not None else ()
+    skin = skins.index(entry["skin"]) if "skin" in entry and surfaces else None
+    if skin is not None and any(surface.joints is None for surface in surfaces):
+        raise document.error(f"{where} has a skin, but meshes[{number}] no JOINTS_0 and WEIGHTS_0")
+    targets = max((len(s.morphs) for s in surfaces), default=0)
+    weights = (*entry.get("weights", mesh.get("weights", ())), *[0.0] * targets)[:targets]
+    return Node(
+        name=str(entry.get("name", f"node_{index}")),
+        parent=parent,
+        translation=(translation[0], translation[1], translation[2]),
+        rotation=rotation,
+        scale=(scale[0], scale[1], scale[2]),
+        surfaces=surfaces,
+        skin=skin,
+        morph_weights=document.vector({"weights": weights}, "weights", (0.0,) * targets, where),
+    )
+
+
+def _local(document: Document, entry: dict[str, Any], where: str) -> tuple[Any, Any, Any]:
+    """Translation, rotation (w, x, y, z, unit) and scale."""
+    if "matrix" in entry:
+        values = document.vector(entry, "matrix", (0.0,) * 16, where)
+        return _taken_apart(document, np.array(values).reshape(4, 4).T, where)
+    x, y, z, w = document.vector(entry, "rotation", (0.0, 0.0, 0.0, 1.0), where)
+    length = float(np.linalg.norm([x, y, z, w]))
+    if not length > 0:
+        raise document.error(f"{where}.rotation is zero")
+    scale = document.vector(entry, "scale", (1.0, 1.0, 1.0), where)
+    translation = document.vector(entry, "translation", (0.0, 0.0, 0.0), where)
+    return translation, tuple(v / length for v in (w, x, y, z)), scale
+
+
+def _taken_apart(document: Document, matrix: Float[np.ndarray, "4 4"], where: str) -> tuple[Any, Any, Any]:
+    """A matrix's translation, rotation and scale; axes of no length, which flatten, get any direction that fits."""
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
-    scale[0] *= np.sign(np.linalg.det(matrix[:3, :3])) or 1.0
-    return tuple(matrix[:3, 3].tolist()), quaternion(matrix[:3, :3] / scale), tuple(scale.tolist())
+    axes = matrix[:3, :3] / np.where(scale > 0, scale, 1.0)
+    apart = axes.T @ axes - np.diag((scale > 0).astype(float))
+    if np.abs(apart).max() > SHEAR:
+        raise document.error(f"{where}.matrix shears, which no node can", "apply the transform to the mesh")
+    lost = np.flatnonzero(scale == 0)
+    free = np.linalg.svd(axes)[0][:, 3 - len(lost) :]  # perpendicular to the axes that are left
+    axes[:, lost] = free
+    if np.linalg.det(axes) < 0:
+        axis = lost[0] if len(lost) else 0
+        axes[:, axis] *= -1
+        scale[axis] *= -1
+    return tuple(matrix[:3, 3].tolist()), quaternion(axes), tuple(scale.tolist())
 
 
 def quaternion(rotation: Float[np.ndarray, "3 3"]) -> tuple[float, float, float, float]:
@@ -127,124 +174,104 @@ def quaternion(rotation: Float[np.ndarray, "3 3"]) -> tuple[float, float, float,
     return w, x, y, z
 
 
-def _surface(document: Document, primitive: dict[str, Any]) -> Surface | None:
-    """Triangles of a primitive; None for points and lines."""
-    mode, attributes = primitive.get("mode", _TRIANGLES), primitive["attributes"]
-    if mode not in (_TRIANGLES, _STRIP, _FAN) or "POSITION" not in attributes:
-        return None
-    points = read_accessor(document, attributes["POSITION"]).astype(np.float32)
-    corners = read_accessor(document, primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(points))
-    material, texture = _material(document, primitive.get("material"))
-    joints, weights = _influences(document, attributes)
-    return Surface(
-        points=points,
-        faces=_faces(corners.astype(np.int64), mode),
-        material=material,
-        normals=read_accessor(document, attributes["NORMAL"]).astype(np.float32) if "NORMAL" in attributes else None,
-        st=_st(document, attributes, texture),
-        colours=_colours(document, attributes),
-        morphs=tuple(_offsets(document, target, len(points)) for target in primitive.get("targets", [])),
-        joints=joints,
-        weights=weights,
-    )
+def _without_hidden(document: Document, order: list[int], nodes: list[Node], tracks: Sequence[Track]) -> list[Node]:
+    """Nodes without the meshes that KHR_node_visibility hides, or that a scale shrinks to a line or a point for good.
+
+    The nodes stay: they may be joints.
+    """
+    grows = {t.node for t in tracks if t.quantity == "scale"}
+    unseen, shrunk, found = [], [], []
+    for i, node in enumerate(nodes):
+        entry = document.items("nodes")[order[i]].get("extensions", {}).get("KHR_node_visibility", {})
+        above = node.parent >= 0
+        unseen.append(entry.get("visible", True) is False or (above and unseen[node.parent]))
+        shrunk.append((sum(s == 0 for s in node.scale) > 1 and i not in grows) or (above and shrunk[node.parent]))
+        gone = unseen[i] or (shrunk[i] and node.skin is None)
+        found.append(replace(node, surfaces=(), skin=None, morph_weights=()) if gone else node)
+    return found
 
 
-def _faces(corners: Int[np.ndarray, "corner"], mode: int) -> Int[np.ndarray, "face 3"]:
-    """Triangles of a list, strip or fan (§3.7.2.1); every second triangle of a strip is turned."""
-    if mode == _TRIANGLES:
-        return corners[: len(corners) // 3 * 3].reshape(-1, 3)
-    first = np.arange(max(len(corners) - 2, 0))
-    if mode == _FAN:
-        return np.stack([corners[first + 1], corners[first + 2], np.broadcast_to(corners[:1], first.shape)], axis=1)
-    odd = first % 2
-    return np.stack([corners[first], corners[first + 1 + odd], corners[first + 2 - odd]], axis=1)
+def _copied(
+    document: Document, order: list[int], nodes: list[Node], tracks: Sequence[Track]
+) -> tuple[list[Node], list[Track]]:
+    """Nodes with one child for each copy that EXT_mesh_gpu_instancing makes of a mesh, and tracks of their weights."""
+    found, moved = list(nodes), list(tracks)
+    for i, index in enumerate(order):
+        extension = document.items("nodes")[index].get("extensions", {}).get(_INSTANCING)
+        if extension is None or not nodes[i].surfaces:
+            continue
+        if nodes[i].skin is not None:
+            raise document.error(f"nodes[{index}] has a skin and {_INSTANCING}", "export copies as nodes")
+        found[i] = replace(nodes[i], surfaces=(), morph_weights=())
+        for copy in _instances(document, extension.get("attributes", {}), f"nodes[{index}].{_INSTANCING}"):
+            moved += [replace(t, node=len(found)) for t in tracks if t.node == i and t.quantity == "weights"]
+            found.append(replace(nodes[i], name=nodes[i].name, parent=i, **copy))
+        moved = [t for t in moved if t.node != i or t.quantity != "weights"]
+    return found, moved
 
 
-def _offsets(document: Document, target: dict[str, int], count: int) -> Float[np.ndarray, "vertex 3"]:
-    if "POSITION" not in target:
-        return np.zeros((count, 3), np.float32)
-    return read_accessor(document, target["POSITION"]).astype(np.float32)
+def _instances(document: Document, attributes: dict[str, Any], where: str) -> list[dict[str, Any]]:
+    """Translation, rotation and scale of each copy."""
+    known = {
+        "TRANSLATION": ("VEC3", (0.0, 0.0, 0.0)),
+        "ROTATION": ("VEC4", (0.0, 0.0, 0.0, 1.0)),
+        "SCALE": ("VEC3", (1.0, 1.0, 1.0)),
+    }
+    rows = {
+        name: read_accessor(document, attributes[name], f"{where}.{name}", (kind,)).astype(np.float64)
+        for name, (kind, _) in known.items()
+        if name in attributes
+    }
+    counts = {len(values) for values in rows.values()}
+    if len(counts) > 1:
+        raise document.error(f"{where} gives {' and '.join(map(str, sorted(counts)))} copies")
+    count = counts.pop() if counts else 0
+    if count > MOST_COPIES:
+        raise document.error(f"{where} makes {count} copies, more than {MOST_COPIES}", "merge or thin them")
+    columns = [rows.get(name, np.tile(default, (count, 1))) for name, (_, default) in known.items()]
+    lengths = np.linalg.norm(columns[1], axis=1, keepdims=True)
+    if not (lengths > 0).all():
+        raise document.error(f"{where}.ROTATION holds a rotation that is zero")
+    turns = (columns[1] / lengths)[:, [3, 0, 1, 2]]
+    return [
+        {"translation": tuple(t), "rotation": tuple(q), "scale": tuple(s)}
+        for t, q, s in zip(columns[0].tolist(), turns.tolist(), columns[2].tolist(), strict=True)
+    ]
 
 
-def _colours(document: Document, attributes: dict[str, int]) -> Float[np.ndarray, "vertex 3"] | None:
-    if "COLOR_0" not in attributes:
-        return None
-    return read_accessor(document, attributes["COLOR_0"])[:, :3].astype(np.float32)
-
-
-def _influences(document: Document, attributes: dict[str, int]) -> tuple[Any, Any]:
-    """Joints and weights of all sets, side by side; weights are made to sum to 1."""
-    sets = [k for k in range(8) if f"JOINTS_{k}" in attributes and f"WEIGHTS_{k}" in attributes]
-    if not sets:
-        return None, None
-    joints = np.concatenate([read_accessor(document, attributes[f"JOINTS_{k}"]) for k in sets], axis=1)
-    weights = np.concatenate([read_accessor(document, attributes[f"WEIGHTS_{k}"]) for k in sets], axis=1)
-    weights = weights.astype(np.float32)
-    return joints.astype(np.int32), weights / weights.sum(1, keepdims=True).clip(1e-12)
-
-
-def _st(document: Document, attributes: dict[str, int], texture: dict[str, Any]) -> Any:
-    """Coordinates of the base colour's texture, turned from glTF's v down to v up (KHR_texture_transform applied)."""
-    transform = texture.get("extensions", {}).get("KHR_texture_transform", {})
-    name = f"TEXCOORD_{transform.get('texCoord', texture.get('texCoord', 0))}"
-    if name not in attributes:
-        return None
-    uv = read_accessor(document, attributes[name]).astype(np.float64)
-    cosine, sine = np.cos(transform.get("rotation", 0.0)), np.sin(transform.get("rotation", 0.0))
-    uv = uv * transform.get("scale", (1, 1)) @ np.array([[cosine, -sine], [sine, cosine]]) + transform.get(
-        "offset", (0, 0)
-    )
-    return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1).astype(np.float32)
-
-
-def _material(document: Document, index: int | None) -> tuple[Material, dict[str, Any]]:
-    """A material and the reference to its base colour's texture ({} without)."""
-    if index is None:
-        return Material(colour=(1.0, 1.0, 1.0), metallic=1.0, roughness=1.0), {}  # §3.7.2.1: the default material
-    entry = document.items("materials")[index]
-    surface = entry.get("pbrMetallicRoughness", {})
-    red, green, blue, opacity = map(float, surface.get("baseColorFactor", (1, 1, 1, 1)))
-    reference, mode = surface.get("baseColorTexture", {}), entry.get("alphaMode", "OPAQUE")
-    texture = document.items("textures")[reference["index"]] if reference else {}
-    sampler = document.items("samplers")[texture["sampler"]] if "sampler" in texture else {}
-    material = Material(
-        name=str(entry.get("name", "material")),
-        colour=(red, green, blue),
-        opacity=1.0 if mode == "OPAQUE" else opacity,
-        metallic=float(surface.get("metallicFactor", 1.0)),
-        roughness=float(surface.get("roughnessFactor", 1.0)),
-        texture=texture.get("source"),
-        wrap=(_WRAPS[sampler.get("wrapS", 10497)], _WRAPS[sampler.get("wrapT", 10497)]),
-        cutoff=float(entry.get("alphaCutoff", 0.5)) if mode == "MASK" else None,
-        blend=mode == "BLEND",
-        double_sided=bool(entry.get("doubleSided", False)),
-    )
-    return material, reference
-
-
-def _skin(document: Document, entry: dict[str, Any], place: dict[int, int]) -> Skin:
-    joints = tuple(place[j] for j in entry["joints"])
+def _skin(document: Document, number: int, place: dict[int, int], nodes: Sequence[Node], row: int) -> Skin:
+    """A skin, whose matrices can be inverted; those of joints that move nothing may be anything and become 1."""
+    entry, where = document.items("skins")[number], f"skins[{number}]"
+    listed = entry.get("joints", [])
+    for joint in listed:
+        document.entry("nodes", joint, f"{where}.joints")
+    if not listed or not all(joint in place for joint in listed):
+        raise document.error(f"{where}.joints are none, or not in the scene")
+    joints = tuple(place[joint] for joint in listed)
+    moving = _moving_joints(document, nodes, row, len(joints), where)
     if "inverseBindMatrices" not in entry:
         return Skin(joints, np.tile(np.eye(4), (len(joints), 1, 1)))
-    columns = read_accessor(document, entry["inverseBindMatrices"]).astype(np.float64)
-    return Skin(joints, columns.reshape(-1, 4, 4).transpose(0, 2, 1))
+    rows = read_accessor(document, entry["inverseBindMatrices"], f"{where}.inverseBindMatrices", ("MAT4",))
+    if len(rows) < len(joints):
+        raise document.error(f"{where}.inverseBindMatrices has {len(rows)} elements for {len(joints)} joints")
+    matrices = rows[: len(joints)].astype(np.float64).reshape(-1, 4, 4).transpose(0, 2, 1).copy()
+    matrices[:, 3] = [0.0, 0.0, 0.0, 1.0]
+    sizes = np.linalg.svd(matrices[:, :3, :3], compute_uv=False)
+    for k in np.flatnonzero(~(sizes[:, 2] > 1e-9 * sizes[:, 0])).tolist():
+        if k in moving:
+            raise document.error(f"{where}.inverseBindMatrices[{k}] is singular, but its joint moves vertices")
+        matrices[k] = np.eye(4)
+    return Skin(joints, matrices)
 
 
-def _tracks(document: Document, clip: dict[str, Any], place: dict[int, int]) -> tuple[Track, ...]:
-    """The clip's channels on nodes of the scene, shifted to start at 0."""
-    found = []
-    for channel in clip["channels"]:
-        target = channel["target"]
-        if target.get("node") not in place or target["path"] not in _QUANTITIES:
-            continue
-        sampler = clip["samplers"][channel["sampler"]]
-        interpolation = sampler.get("interpolation", "LINEAR")
-        seconds = read_accessor(document, sampler["input"])[:, 0].astype(np.float64)
-        values = read_accessor(document, sampler["output"]).astype(np.float64)
-        if target["path"] == "weights":  # a scalar accessor, one after the other
-            values = values.reshape(len(seconds) * (3 if interpolation == "CUBICSPLINE" else 1), -1)
-        if target["path"] == "rotation":
-            values = values[:, [3, 0, 1, 2]]
-        found.append(Track(place[target["node"]], target["path"], seconds, values, interpolation))
-    start = min((float(t.seconds[0]) for t in found), default=0.0)
-    return tuple(Track(t.node, t.quantity, t.seconds - start, t.values, t.interpolation) for t in found)
+def _moving_joints(document: Document, nodes: Sequence[Node], skin: int, count: int, where: str) -> set[int]:
+    """Joints that any vertex has a weight of."""
+    found: set[int] = set()
+    for surface in (s for node in nodes if node.skin == skin for s in node.surfaces):
+        assert surface.joints is not None and surface.weights is not None
+        used = np.unique(surface.joints[surface.weights > 0])
+        if len(used) and used.max() >= count:
+            raise document.error(f"JOINTS_0 names joint {used.max()} of the {count} of {where}")
+        surface.joints[surface.weights <= 0] = 0  # of no weight, so that any joint will do
+        found |= set(used.tolist())
+    return found

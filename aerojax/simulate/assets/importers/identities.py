@@ -25,7 +25,8 @@ def imported_identities(path: Path) -> tuple[Identity, ...]:
         forward: +X         # the file's own axes; default +Z and +Y for glTF, up as the stage says for USD
         up: +Y
         scale: auto         # default; or metres per unit
-        animation: 0        # index or name of a clip, none for a still model; default: the first, if there is one
+        animation: 0        # index or name of a clip, none for a still model; default: first, the first one with
+                            # all others that move other nodes (one clip a rotor)
         speed: 1.0          # factor of playback
         licence: GPL-2.0    # goes into the truth of captures
         source: https://…

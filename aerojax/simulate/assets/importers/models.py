@@ -44,7 +44,8 @@ class ImportedModel:
     split: that it belongs to; "test" where the list does not say.
     forward, up: axes of the file that point to the nose and upwards; an empty `up` takes the USD stage's own.
     scale: metres per unit, or "auto" for the class's rule (1 m wingspan, fuselage or motor diagonal).
-    animation: index or name of the clip; None for a still model; "first" takes the first clip, if there is one.
+    animation: index or name of the clip; None for a still model; "first" takes the first clip, if there is one,
+        with those that move other nodes.
     speed: factor of playback.
     licence, source: of the model, for the truth of captures.
     """

@@ -14,7 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from aerojax.core.errors import UserError
-from aerojax.simulate.assets.importers.mtl import Paint, Palette, find_beside, numbers, read_library, statements
+from aerojax.simulate.assets.importers.beside import find_beside
+from aerojax.simulate.assets.importers.mtl import Paint, Palette, numbers, read_library, statements
 from aerojax.simulate.assets.importers.scene import ImportedScene, Material, Node, Surface
 from aerojax.simulate.assets.mesh.polygons import triangulate
 

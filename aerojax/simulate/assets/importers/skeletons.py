@@ -23,10 +23,15 @@ def node_names(nodes: Sequence[Node]) -> tuple[str, ...]:
     """A prim name for every node, unique in the whole model."""
     names: list[str] = []
     taken: set[str] = set()
+    last: dict[str, int] = {}
     for node in nodes:
         base = re.sub(r"\W", "_", node.name, flags=re.ASCII) or "node"
         base = f"_{base}" if base[0].isdigit() else base
-        name = next(n for k in range(len(nodes) + 1) if (n := base if k == 0 else f"{base}_{k}") not in taken)
+        name, number = base, last.get(base, 0)
+        while name in taken:
+            number += 1
+            name = f"{base}_{number}"
+        last[base] = number
         taken.add(name)
         names.append(name)
     return tuple(names)

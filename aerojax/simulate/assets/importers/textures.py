@@ -12,6 +12,7 @@ from aerojax.core.colour import linear_from_srgb, srgb_from_linear
 from aerojax.core.errors import UserError
 from aerojax.simulate.assets.importers.scene import ImportedScene, Material, Surface
 from aerojax.simulate.assets.paint.texture_file import write_texture
+from aerojax.simulate.usd.pictures import decode_picture
 
 Image = UInt8[np.ndarray, "height width _"]
 _WITHIN = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / np.array([[3], [6], [6], [6]])
@@ -24,11 +25,9 @@ def decode_image(data: bytes, source: str) -> Image:
     Raises:
         UserError: if the bytes are no such image.
     """
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
-    if image is None:
-        raise UserError(
-            "unreadable", f"{source}: a texture is not a readable PNG or JPEG picture", "save it as one of them"
-        )
+    image = decode_picture(data, f"{source}: a texture", cv2.IMREAD_UNCHANGED)
+    if not np.issubdtype(image.dtype, np.integer):
+        raise UserError("invalid", f"{source}: a texture holds floating-point values", "save it as PNG or JPEG")
     if image.dtype != np.uint8:
         image = (image.astype(np.float64) / np.iinfo(image.dtype).max * 255).round().astype(np.uint8)
     if image.ndim == 2:

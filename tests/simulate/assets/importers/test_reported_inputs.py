@@ -109,3 +109,36 @@ def test_obj_values(tmp_path, name, expected):
 def test_obj_refusals(tmp_path):
     with pytest.raises(UserError, match=r"nan\.obj: line 1 is not understood \('v nan nan nan'\); export it again"):
         import_model(tmp_path, INPUTS / "obj" / "nan.obj")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        *[(name, BOX) for name in ("sk3", "vis", "zerovert", "zm")],
+        ("zm2", ((2.0, 1.0, 0.5), 24, 9.0)),
+        ("inst", ((4.2, 4.2, 0.775), 12 * 5, 7.0 + 4 * 0.12)),
+        ("multi", ((5.0, 1.0, 0.775), 36, 7.0 + 2 * 0.31)),
+    ],
+)
+def test_gltf_values(tmp_path, name, expected):
+    mesh = import_model(tmp_path, INPUTS / "gltf" / f"{name}.glb")
+    _check(mesh, expected)
+    if name == "multi":  # both rotors, each of its own clip, lie across after a quarter of their turn
+        assert mesh.cycle_seconds == pytest.approx(1.0)
+        for rotor in (slice(8, 16), slice(16, 24)):
+            assert np.ptp(mesh.vertices_at(0.25)[rotor], axis=0) == pytest.approx([0.1, 1.0, 0.05], abs=1e-5)
+    else:
+        assert mesh.cycle_seconds == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nan", r"POSITION names accessors\[2\], which holds values that are not finite; export"),
+        ("oob", r"meshes\[0\]\.primitives\[0\]\.indices names vertex 99 of 8; export"),
+    ],
+)
+def test_gltf_refusals(tmp_path, name, message):
+    with pytest.raises(UserError, match=message) as caught:
+        import_model(tmp_path, INPUTS / "gltf" / f"{name}.glb")
+    assert caught.value.problem.startswith(str(INPUTS / "gltf" / f"{name}.glb"))
