@@ -106,9 +106,11 @@ def _pixels_and_depths(
     points: Float[Array, "point 3"], camera: Camera
 ) -> tuple[Float[Array, "point 2"], Float[Array, "point"]]:
     """Crop pixels and depths; depth is kept positive."""
-    rows = cam_from_world_rows(camera.world_from_cam)
-    inside = points @ rows[:, :3].T + rows[None, :, 3]
-    inside.at[:, 2].max(1e-3)
+    m = cam_from_world_rows(camera.world_from_cam)
+    x, y, z = points[:, 0], points[:, 1], points[:, 2]
+    # Element by element: products with a 3×3 matrix take XLA's CPU code as long as all the rest of the hull.
+    across, down, depth = (m[row, 0] * x + m[row, 1] * y + m[row, 2] * z + m[row, 3] for row in range(3))
+    inside = jnp.stack([across, down, jnp.maximum(depth, 1e-3)], axis=-1)
     return pixels_of_camera_points(inside, camera), inside[:, 2]
 
 
