@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 from scipy.spatial import cKDTree
-from support.hull_views import mesh_views, one, rig, sphere_mask
+from support.hull_views import SIZE, mesh_views, one, rig, sphere_mask, views_of
 
 from aerojax.core.types import SH_C0, Camera, View
 from aerojax.gaussians.rotate import covariance
@@ -66,6 +66,18 @@ def test_views_that_do_not_count(tmp_path):
     views = View(views.rgb, views.mask.at[2].set(0.0), views.camera)
     assert_equals_twin(views, valid)
     assert hull_of_crops(views, np.ones(5, bool), config=CONFIG)[1] == 0
+
+
+def test_cells_behind_a_wide_camera():
+    """A window of more than a right angle: its cube reaches behind the cameras, where depth is kept positive."""
+    narrow = rig(4)
+    K = narrow.K.at[:, [0, 1], [0, 1]].set(0.4 * SIZE)
+    cameras = Camera(K, narrow.world_from_cam, SIZE, SIZE)
+    views, valid = views_of(cameras, lambda camera: sphere_mask(camera, 9.0)), np.ones(4, bool)
+    expected, count, cell = twin(views, jnp.asarray(valid), config=CONFIG)
+    found, found_count, _ = hull_of_crops(views, valid, config=CONFIG)
+    assert found_count == int(count) > 200
+    np.testing.assert_allclose(found.mean / cell, expected.mean / cell, atol=1e-4)
 
 
 @pytest.mark.parametrize("valid", [np.zeros(4, bool), np.ones(4, bool)])
