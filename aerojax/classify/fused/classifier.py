@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card
-from aerojax.classify.ensembles import log_mean_probability, token_ensembles
+from aerojax.classify.ensembles import calibrated_answer, token_ensembles
 from aerojax.classify.fused.model import FusedNetwork, Reading
 from aerojax.classify.mambasplat.model import StreamState
 from aerojax.classify.views.model import ViewsState
@@ -100,7 +100,7 @@ class FusedClassifier:
         views, views_state = self._step_views(seen.crops, valid, state.views)
         gaussians, gaussians_state = self._step_gaussians(seen, valid, state.gaussians)
         logits = jax.vmap(lambda one: self.network.answer(one, views))(gaussians)
-        return log_mean_probability(logits), FusedState(gaussians_state, views_state)
+        return calibrated_answer(logits, self.card.temperature), FusedState(gaussians_state, views_state)
 
     def _step_views(self, crops: Crops | None, valid: Bool[Array, ""], state: ViewsState) -> tuple[Reading, ViewsState]:
         views = self.network.views
@@ -131,7 +131,7 @@ class FusedClassifier:
             gaussians = self.network.read_gaussians(columns, _visible(columns) & valid[:, None])
             return jax.vmap(self.network.answer)(gaussians, views)
 
-        return log_mean_probability(jax.vmap(read)(self._subsets(seen)))
+        return calibrated_answer(jax.vmap(read)(self._subsets(seen)), self.card.temperature)
 
     def _subsets(self, seen: Evidence) -> Float[Array, "ensemble *time token 14"]:
         columns = seen.gaussians.columns()

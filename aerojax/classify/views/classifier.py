@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card
+from aerojax.classify.ensembles import calibrated_answer
 from aerojax.classify.views.model import ViewsNetwork, ViewsState
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Evidence, pytree_dataclass, static_field
@@ -66,7 +66,7 @@ class ViewsClassifier:
             UserError: the evidence has no crops, or more than the state has room for.
         """
         logits, state = self.network.step(*counted(seen.crops, valid), state)
-        return jax.nn.log_softmax(logits), state
+        return calibrated_answer(logits[None], self.card.temperature), state
 
     def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
         """Logits after each frame.
@@ -74,7 +74,8 @@ class ViewsClassifier:
         Raises:
             UserError: the evidence has no crops.
         """
-        return jax.nn.log_softmax(self.network.prefixes(*counted(seen.crops, valid)))
+        logits = self.network.prefixes(*counted(seen.crops, valid))
+        return calibrated_answer(logits[None], self.card.temperature)
 
 
 def counted(
