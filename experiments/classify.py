@@ -15,9 +15,9 @@ from rich.table import Table
 from aerojax.capture.format import Capture, read_capture
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
-from aerojax.core.types import CLASSES
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import Clip, reconstruct_capture
+from aerojax.pipeline.results import result_of
 from aerojax.simulate.sample import SampleConfig, sample_capture
 from aerojax.view.report.gather import Answer, classification_report
 from aerojax.view.report.page import write_report
@@ -58,27 +58,6 @@ def _answer(capture: Capture, clip: Clip, truth: str | None) -> Answer:
     )
 
 
-def _result(capture: Capture, clip: Clip, answer: Answer) -> dict[str, Any]:
-    probabilities = dict(zip(CLASSES, answer.so_far[-1].tolist(), strict=True))
-    return {
-        "capture": str(capture.folder),
-        "label": max(probabilities, key=lambda name: probabilities[name]),
-        "probabilities": probabilities,
-        "frames": list(clip.frames),
-        "dropped": {str(event.frame): {"code": event.code, "text": event.text} for event in clip.dropped},
-        "missing": {c.name: _missing(clip, index) for index, c in enumerate(capture.cameras)},
-        "masks": capture.mask_kind,
-        "warnings": list(clip.warnings),
-        "latency_ms": clip.latency_ms,
-        "track": [{"frame": f, "position": p} for f, p in zip(clip.frames, clip.position.tolist(), strict=True)],
-    }
-
-
-def _missing(clip: Clip, camera: int) -> dict[str, str]:
-    """Frames that the camera was left out of because a file or a picture is missing or damaged, and why."""
-    return {str(frame): view.text for frame, view in clip.missing if view.camera == camera}
-
-
 def _show(console: Console, result: dict[str, Any], capture: Capture, truth: str | None) -> None:
     console.print(f"{capture.folder.name}: [bold]{result['label']}[/bold]", soft_wrap=True)
     table = Table("class", "probability")
@@ -117,7 +96,7 @@ def main(config: Config, run: Run) -> None:
         )
     truth = capture.true_class(config.object)
     answer = _answer(capture, clip, truth)
-    result = _result(capture, clip, answer)
+    result = result_of(capture, clip)
     write_json(run.directory / "result.json", result)
     write_report(run.directory / "report.html", classification_report(capture, answer))
     console = Console()
