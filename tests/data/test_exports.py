@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import struct
+import zlib
 
 import cv2
 import numpy as np
 import pytest
 from support.export_examples import FRAMES, HEIGHT, WIDTH, write_ball_dataset, write_balls
 
+from aerojax.capture.codecs.orientation import has_orientation
 from aerojax.capture.format import Truth, read_capture, write_capture_json
 from aerojax.capture.frames import read_mask, read_rgb
+from aerojax.capture.paths import safe_name
 from aerojax.core.errors import UserError
 from aerojax.data.exports.export import FORMATS, chosen_formats, export_dataset, find_notices
 from aerojax.data.exports.replicator import camera_parameters
 from aerojax.data.exports.run_length import encode_mask
-from aerojax.data.exports.sources import ExportOptions, find_sequences, safe_name, stable_id
+from aerojax.data.exports.sources import ExportOptions, find_sequences, stable_id
 
+BY_CAMERA = ("bbox", "visible", "truncated", "visibility", "visible_box", "projected_box", "surface_centroid")
 SEEN = 16  # of 2 balls in 3 frames by 3 cameras, one ball is out of two views in the last frame
 
 
@@ -269,7 +274,9 @@ def test_existing_export_is_kept(made, tmp_path):
 
 def test_a_broken_sequence_leaves_nothing(tmp_path):
     write_ball_dataset(tmp_path / "dataset")
-    (tmp_path / "dataset/train/seq_b/cam_02/mask/000001.png").unlink()
+    folder = tmp_path / "dataset/train/seq_b"
+    write_capture_json(dataclasses.replace(read_capture(folder), missing="refuse"), overwrite=True)
+    (folder / "cam_02/mask/000001.png").unlink()
     with pytest.raises(UserError, match=r"000001\.png"):
         export_dataset(find_sequences(tmp_path / "dataset"), "coco", tmp_path / "out", ExportOptions(), workers=2)
     assert list((tmp_path / "out").iterdir()) == []
@@ -308,10 +315,83 @@ def test_the_largest_id_does_not_fit_replicator(tmp_path):
     assert {a["instance_id"] for a in json.loads(coco.read_text())["annotations"]} == {1, 65535}
 
 
-def test_colliding_names_are_refused(tmp_path):
-    for name in ("a b", "a_b"):
+@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("kind", ["rgb", "mask"])
+def test_a_missing_view_is_left_out(tmp_path, name, kind):
+    write_balls(tmp_path / "seq")
+    (tmp_path / f"seq/cam_02/{kind}/000001.png").unlink()
+    out = export_dataset(find_sequences(tmp_path / "seq"), name, tmp_path / "out", ExportOptions())
+    written = [p for p in out.rglob("*.png") if "cam_02" in str(p) and ("1." in p.name) and "rgb" in str(p)]
+    assert written == [] and len(list(out.rglob("*.png"))) > 0
+
+
+def test_colliding_names_are_told_apart(tmp_path):
+    for name in ("a b", "a_b", "第一", "第二", "左1", "右1"):
         write_balls(tmp_path / name)
-    with pytest.raises(UserError, match="all/a_b; rename"):
-        find_sequences(tmp_path)
+    names = {s.folder.name: s.name for s in find_sequences(tmp_path)}
+    assert names["a_b"] == "a_b" and names["第一"] == "u7b2cu4e00" and names["第二"] == "u7b2cu4e8c"
+    assert names["a b"].startswith("a_b-") and len(set(names.values())) == 6
+    assert {s.folder.name: s.name for s in find_sequences(tmp_path)} == names
     with pytest.raises(UserError, match=r"holds no capture\.json"):
         find_sequences(tmp_path / "a b/cam_01")
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_cameras_of_any_script_are_exported_apart(tmp_path, name):
+    capture = write_balls(tmp_path / "第一")
+    renamed = dict(zip(("cam_01", "cam_02", "cam_03"), ("左", "右", "cam ä"), strict=True))
+    cameras = tuple(dataclasses.replace(c, name=renamed[c.name]) for c in capture.cameras)
+    states = [
+        dataclasses.replace(
+            o,
+            frames=tuple(
+                dataclasses.replace(s, **{k: {renamed[c]: v for c, v in getattr(s, k).items()} for k in BY_CAMERA})
+                for s in o.frames
+            ),
+        )
+        for o in capture.truth.objects
+    ]
+    write_capture_json(dataclasses.replace(capture, cameras=cameras, truth=Truth(tuple(states))), overwrite=True)
+    out = export_dataset(find_sequences(tmp_path / "第一"), name, tmp_path / "out", ExportOptions())
+    paths = [str(p.relative_to(out)) for p in out.rglob("*.png")]
+    assert all(path.isascii() for path in paths)
+    for camera in ("u5de6", "u53f3", "cam"):
+        assert sum(camera in path and "mask" not in path for path in paths) >= FRAMES
+
+
+def oriented_jpeg(image: np.ndarray, orientation: int) -> bytes:
+    """A JPEG whose EXIF says how to turn it."""
+    tiff = b"II*\0" + struct.pack("<IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0)
+    segment = b"\xff\xe1" + struct.pack(">H", 8 + len(tiff)) + b"Exif\0\0" + tiff
+    data = cv2.imencode(".jpg", image[..., ::-1])[1].tobytes()
+    return data[:2] + segment + data[2:]
+
+
+def oriented_png(image: np.ndarray, orientation: int) -> bytes:
+    """A PNG with the same tag in an eXIf chunk."""
+    tiff = b"MM\0*" + struct.pack(">IHHHIHHI", 8, 1, 274, 3, 1, orientation, 0, 0)
+    chunk = struct.pack(">I", len(tiff)) + b"eXIf" + tiff + struct.pack(">I", zlib.crc32(b"eXIf" + tiff))
+    data = cv2.imencode(".png", image[..., ::-1])[1].tobytes()
+    return data[:33] + chunk + data[33:]
+
+
+@pytest.mark.parametrize("orientation", [1, 3, 6])
+@pytest.mark.parametrize("how", ["copy", "hardlink"])
+@pytest.mark.parametrize(("suffix", "encode"), [(".jpg", oriented_jpeg), (".png", oriented_png)])
+def test_exports_carry_no_orientation(tmp_path, suffix, encode, how, orientation):
+    capture = write_balls(tmp_path / "seq")
+    for path in (tmp_path / "seq").glob("*/rgb/*.png"):
+        image = cv2.imread(str(path))[..., ::-1]
+        path.unlink()
+        path.with_suffix(suffix).write_bytes(encode(image, orientation))
+    cameras = tuple(dataclasses.replace(c, rgb=c.rgb.replace(".png", suffix)) for c in capture.cameras)
+    write_capture_json(dataclasses.replace(capture, cameras=cameras), overwrite=True)
+    stored = read_rgb(read_capture(tmp_path / "seq"), 0, 0)
+    out = export_dataset(find_sequences(tmp_path / "seq"), "coco", tmp_path / "out", ExportOptions(images=how))
+    written = sorted(out.rglob(f"*{suffix}"))
+    assert len(written) == 3 * FRAMES
+    for path in written:
+        assert not has_orientation(path)
+    # As a client reads it, that applies what tags say: the stored pixels, beside which the boxes are right.
+    client = cv2.imread(str(next(p for p in written if "cam_01" in str(p))))[..., ::-1]
+    np.testing.assert_array_equal(client.astype(np.float32) / np.float32(255), stored)

@@ -10,10 +10,13 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8, UInt16
 
+from aerojax.capture.codecs.headers import BrokenImage, read_header
+from aerojax.capture.codecs.orientation import has_orientation, without_orientation
 from aerojax.capture.codecs.png import encode_png
+from aerojax.capture.codecs.video import open_video, pictures_near
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_mask, read_rgb, source_frame
-from aerojax.capture.paths import RGB_SUFFIXES, is_video, locate
+from aerojax.capture.paths import RGB_SUFFIXES, frame_path, is_video, locate
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes
 from aerojax.data.exports.sources import Placement
@@ -23,8 +26,33 @@ _PNG_LEVEL = [cv2.IMWRITE_PNG_COMPRESSION, 3]  # twice the speed of the default 
 
 
 def recorded_frames(capture: Capture, camera_index: int) -> list[int]:
-    """The capture's frames that this camera has an image of (all of them without an offset of its clock)."""
-    return [frame for frame in range(capture.frames) if source_frame(capture, camera_index, frame) is not None]
+    """The capture's frames that this camera has an image of (all of them without an offset of its clock).
+
+    Frames whose image or mask is missing or cut short, and gaps of a video, are left out unless the capture refuses
+    them.
+    """
+    frames = [frame for frame in range(capture.frames) if source_frame(capture, camera_index, frame) is not None]
+    if capture.missing == "refuse":
+        return frames
+    camera = capture.cameras[camera_index]
+    if is_video(camera.rgb):
+        times = open_video(locate(capture.folder, camera.rgb, 0)).times()
+        asked = np.array(frames, np.float64) / capture.fps - camera.time_offset_s
+        there = pictures_near(times, asked, 0.5 / capture.fps)
+        frames = [frame for frame, found in zip(frames, there.tolist(), strict=True) if found]
+    patterns = [p for p in (camera.rgb, camera.mask) if p is not None and not is_video(p)]
+    return [frame for frame in frames if all(_is_whole(capture, camera_index, p, frame) for p in patterns)]
+
+
+def _is_whole(capture: Capture, camera_index: int, pattern: str, frame: int) -> bool:
+    index = source_frame(capture, camera_index, frame)
+    assert index is not None
+    path = capture.folder / frame_path(pattern, index)
+    try:
+        read_header(path)
+    except BrokenImage:
+        return False
+    return True
 
 
 def place_image(
@@ -41,7 +69,8 @@ def place_image(
     Args:
         capture, camera_index, frame: which image.
         target: where, without suffix; folders are made.
-        how: copy or link; an image of a lens, of a video or of another suffix is written anew as PNG.
+        how: copy or link; an image of a lens, of a video or of another suffix is written anew as PNG, and one with an
+            orientation tag is copied without it: boxes and calibration are of the stored pixels.
         suffixes: lower-case endings that the format can take.
 
     Returns:
@@ -58,7 +87,10 @@ def place_image(
         source = locate(capture.folder, camera.rgb, index)
         if source.suffix.lower() in suffixes:
             path = target.with_name(target.name + source.suffix.lower())
-            _place(source.resolve(), path, how)
+            if has_orientation(source):
+                write_bytes(path, without_orientation(source))
+            else:
+                _place(source.resolve(), path, how)
             return path
     path = target.with_name(target.name + ".png")
     rgb = read_rgb(capture, camera_index, frame)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from aerojax.capture.format import Capture
-from aerojax.capture.paths import safe_name
+from aerojax.capture.paths import distinct_names
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
 
@@ -61,44 +60,37 @@ class ExportFormat:
 def find_sequences(dataset: Path) -> tuple[SourceSequence, ...]:
     """Sequences of a generated data set, of a folder of captures, or one capture; sorted by split and name.
 
+    Names that would be the same once they are safe are told apart by a hash.
+
     Raises:
-        UserError: there is none, or two would have one name in the export.
+        UserError: there is none.
     """
-    found = [SourceSequence(UNSPLIT, safe_name(dataset.resolve().name), dataset)]
+    folders = [dataset]
     if not (dataset / "capture.json").is_file():
         inner = [file.parent for depth in ("*", "*/*") for file in dataset.glob(f"{depth}/capture.json")]
         # A hidden folder is a sequence that is still being written.
-        found = [_sequence(dataset, folder) for folder in inner if not folder.name.startswith(".")]
-    if not found:
+        folders = sorted(folder for folder in inner if not folder.name.startswith("."))
+    if not folders:
         raise UserError(
             "missing", f"dataset={dataset} holds no capture.json", "name a data set, a folder of captures or a capture"
         )
-    found.sort(key=lambda sequence: (sequence.split, sequence.name))
-    for one, other in itertools.pairwise(found):
-        if (one.split, one.name) == (other.split, other.name):
-            message = f"{one.folder} and {other.folder} would both be exported as {one.split}/{one.name}"
-            raise UserError("invalid", f"{message}", "rename one of them")
-    return tuple(found)
-
-
-def _sequence(dataset: Path, folder: Path) -> SourceSequence:
-    split = UNSPLIT if folder.parent == dataset else safe_name(folder.parent.name)
-    return SourceSequence(split, safe_name(folder.name), folder)
+    by_split: dict[str, list[Path]] = {}
+    for folder in folders:
+        below = folder == dataset or folder.parent == dataset
+        by_split.setdefault("" if below else folder.parent.name, []).append(folder)
+    named = [split for split in by_split if split]
+    splits = {"": UNSPLIT} | dict(zip(named, distinct_names(named), strict=True))
+    found = [
+        SourceSequence(splits[split], name, folder)
+        for split, members in by_split.items()
+        for folder, name in zip(members, distinct_names([f.resolve().name for f in members]), strict=True)
+    ]
+    return tuple(sorted(found, key=lambda sequence: (sequence.split, sequence.name)))
 
 
 def camera_names(capture: Capture) -> tuple[str, ...]:
-    """Safe names of a capture's cameras.
-
-    Raises:
-        UserError: two cameras would have the same one.
-    """
-    names = tuple(safe_name(camera.name) for camera in capture.cameras)
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise UserError(
-            "mismatch", f"{capture.folder}/capture.json: cameras would share the file name {twice[0]!r}", "rename one"
-        )
-    return names
+    """Safe names of a capture's cameras, all different."""
+    return distinct_names([camera.name for camera in capture.cameras])
 
 
 def stable_id(*parts: object) -> int:
