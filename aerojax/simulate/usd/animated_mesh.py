@@ -15,7 +15,7 @@ from aerojax.core.errors import UserError
 from aerojax.simulate.usd.geometry import Geometry, geometry_of
 from aerojax.simulate.usd.joints import EvaluateJoints, joint_evaluators
 from aerojax.simulate.usd.materials import FaceAppearance, TextureCache, face_appearance
-from aerojax.simulate.usd.opening import body_from_stage, open_complete, time_span
+from aerojax.simulate.usd.opening import body_from_stage, open_complete, time_span, usd_refusals
 from aerojax.simulate.usd.placements import Placement, drawn
 from aerojax.simulate.usd.skinning import Binding, Evaluate, skinned, skinned_by, skinned_prims, transformed
 
@@ -59,11 +59,15 @@ class AnimatedMesh:
         Parts that are invisible then have all their vertices in one place of a visible part: their faces have no area.
 
         Raises:
-            UserError: points or joints of that moment contradict the mesh.
+            UserError: points, joints or transforms of that moment contradict the mesh or are not finite.
         """
         time = self._time_code(seconds)
-        with _naming(self._called):
+        with usd_refusals(self._called), _naming(self._called):
             posed = [evaluate(time) for evaluate in self._evaluate]
+            for name, points in zip(self.part_names, posed, strict=True):
+                if not np.isfinite(points).all():
+                    problem = f"{name}: its points or a transform are not finite at time code {time:g}"
+                    raise UserError("invalid", problem, "export it again")
         gone = [hidden is not None and hidden(time) for hidden in self._hidden]
         if any(gone):
             seen = next((points for points, away in zip(posed, gone, strict=True) if not away), posed[0])
@@ -108,9 +112,11 @@ def load_animated_mesh(path: Path, called: str = "") -> AnimatedMesh:
     """
     called = called or str(path)
     stage = open_complete(path)
-    first, last = time_span(stage)
     textures = TextureCache()
-    with _naming(called):
+    with usd_refusals(called):
+        first, last = time_span(stage)
+        joints = joint_evaluators(stage, body_from_stage(stage))
+    with usd_refusals(called), _naming(called):
         parts = _parts(stage, first)
         looks = [_appearance(part, textures) for part in parts]
     if not parts:
@@ -130,7 +136,7 @@ def load_animated_mesh(path: Path, called: str = "") -> AnimatedMesh:
         _stage=stage,
         _evaluate=tuple(part.evaluate for part in parts),
         _hidden=tuple(part.placement.hidden for part in parts),
-        _joints=joint_evaluators(stage, body_from_stage(stage)),
+        _joints=joints,
         _time_codes_per_second=rate,
         _first_time_code=first,
         _called=called,

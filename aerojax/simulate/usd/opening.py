@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from pxr import Gf, Pcp, Tf, Usd, UsdGeom
@@ -19,6 +21,26 @@ _BROKEN_ARCS = (
     Pcp.ErrorArcCycle,
     Pcp.ErrorSublayerCycle,
 )
+
+
+@contextmanager
+def usd_refusals(file: str) -> Iterator[None]:
+    """Say in words what USD raises where a prim's attributes are not of their types or contradict each other.
+
+    Args:
+        file: what messages call it.
+
+    Raises:
+        UserError: USD, or what reads its values, refuses.
+    """
+    try:
+        yield
+    except UserError:
+        raise
+    except (Tf.ErrorException, TypeError, ValueError, IndexError, OverflowError) as error:
+        words = str(error).strip().splitlines()
+        reason = words[-1].strip() if words else type(error).__name__
+        raise UserError("invalid", f"{file}: is not as USD's schemas say ({reason})", "export it again") from error
 
 
 def open_complete(path: Path) -> Usd.Stage:

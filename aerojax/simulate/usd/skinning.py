@@ -70,10 +70,10 @@ def skinned(mesh: UsdGeom.Mesh, binding: Binding, body_from_prim: Callable[[Usd.
             morph(time, moved)
         if bends:
             joints = binding.skeleton.ComputeSkinningTransforms(time)
-            if not binding.skin.ComputeSkinnedPoints(joints, moved, time):
+            if not joints or not binding.skin.ComputeSkinnedPoints(joints, moved, time):
                 raise UserError(
                     "invalid",
-                    f"{mesh.GetPath()}: its joint indices or weights do not fit its skeleton",
+                    f"{mesh.GetPath()}: its joints do not fit its skeleton's joints and transforms",
                     "bind it again",
                 )
         return transformed(body_from_prim(holder, time), np.asarray(moved, np.float64))

@@ -107,3 +107,17 @@ def test_points_that_change_their_number_are_named_when_they_do(tmp_path):
     mesh = load_animated_mesh(tmp_path / "a.usda", called="mine")
     with pytest.raises(UserError, match="mine: /a: points are 1, but 3 at its start, at time code"):
         mesh.vertices_at(0.75)
+
+
+def test_transforms_that_are_not_finite_are_named(tmp_path):
+    _load(
+        tmp_path,
+        "int[] faceVertexCounts = [3]",
+        "int[] faceVertexIndices = [0, 1, 2]",
+        "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]",
+        "double3 xformOp:translate = (0, inf, 0)",
+        'uniform token[] xformOpOrder = ["xformOp:translate"]',
+    )
+    mesh = load_animated_mesh(tmp_path / "a.usda")
+    with pytest.raises(UserError, match=r"a\.usda: /a: its points or a transform are not finite at time code 0"):
+        mesh.vertices_at(0.0)

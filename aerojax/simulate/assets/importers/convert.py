@@ -20,6 +20,7 @@ from aerojax.simulate.assets.importers.usd import copy_source, open_source
 from aerojax.simulate.assets.importers.write_usd import write_scene
 from aerojax.simulate.usd.animated_mesh import MOST_TRIANGLES, load_animated_mesh
 from aerojax.simulate.usd.authoring import row_matrix, write_stage
+from aerojax.simulate.usd.opening import usd_refusals
 from aerojax.simulate.usd.placements import MOST_COPIES
 
 DIGEST = "aerojax:import"
@@ -48,7 +49,8 @@ def convert_model(model: ImportedModel, path: Path) -> None:
     if model.file.suffix.lower() in GLTF + WAVEFRONT:
         _convert_scene(model, path, digest)
     else:
-        _convert_stage(model, path, digest)
+        with usd_refusals(str(model.file)):
+            _convert_stage(model, path, digest)
     if stale := Sdf.Layer.Find(str(path)):
         stale.Reload(True)
 

@@ -112,7 +112,8 @@ def _keep_first_sample(prim: Usd.Prim) -> None:
 
 def _author_extent(prim: UsdGeom.Boundable) -> None:
     """Author the extent that a prim lacks, where it has one."""
-    if prim.GetExtentAttr().HasAuthoredValue() or prim.GetPrim().IsA(UsdSkel.Root):
+    kinds = (UsdSkel.Root, UsdSkel.Skeleton)
+    if prim.GetExtentAttr().HasAuthoredValue() or any(prim.GetPrim().IsA(kind) for kind in kinds):
         return
     extent = UsdGeom.Boundable.ComputeExtentFromPlugins(prim, Usd.TimeCode.EarliestTime())
     if extent:
