@@ -21,11 +21,17 @@ CAUSAL = {
     "running": {"scale_normalisation": "running"},
     "running, last, metric": {"scale_normalisation": "running", "readout": "last", "metric_size": True},
     "running, merged": {"scale_normalisation": "running", "merged_tokens": 5},
+    "running, features": {
+        "scale_normalisation": "running",
+        "motion_features": True,
+        "shape_features": True,
+        "flight_features": True,
+        "spectrum_features": True,
+    },
     "running, without time": {"scale_normalisation": "running", "temporal": "none"},
 }
 AHEAD = {
     "scale_normalisation": {"scale_normalisation": "clip"},
-    "motion_features": {"scale_normalisation": "running", "motion_features": True},
     "positional_encoding": {"scale_normalisation": "running", "positional_encoding": True},
 }
 TIME = 9
@@ -73,7 +79,7 @@ def test_the_fold_of_steps_is_the_clip(name):
         )
 
 
-@pytest.mark.parametrize("name", ["running", "frame"])
+@pytest.mark.parametrize("name", ["running", "frame", "running, features"])
 def test_no_frame_sees_a_later_one(name):
     classifier, clip, valid = classifier_of(CAUSAL[name]), growing_clip(0), jnp.ones(TIME, bool)
     later = jax.tree.map(lambda leaf: leaf.at[6:].multiply(3.0), clip)

@@ -9,7 +9,7 @@ from jaxtyping import Array, Key
 
 from aerojax.classify.base import ClassifierConfig
 from aerojax.classify.card import Card
-from aerojax.classify.mambasplat.motion import MOTION_FEATURES
+from aerojax.classify.mambasplat.motion import feature_count
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
 from aerojax.gaussians.merge import Seeds
@@ -60,6 +60,12 @@ class MambaSplatConfig(ClassifierConfig):
     motion_features: bool = False
     """Whether speed, turn and change of shape from frame to frame are features (`motion`): they lift invariance to
     rotations of single frames, not to those of the clip."""
+    shape_features: bool = False
+    """Whether invariants of each frame's cloud are features: principal extents, radius quantiles, third moments."""
+    flight_features: bool = False
+    """Whether smoothed speed, turn, bend and the extent along the flight are features, lengths in radii."""
+    spectrum_features: bool = False
+    """Whether the amplitudes of the shape invariants' swings over the last 16 frames are features, up to Nyquist."""
     merged_tokens: int = 0
     """Gaussians that each frame's tokens are merged into by their moments before they are read; 0 reads the tokens as
     they come. Radius and centre are those of all tokens."""
@@ -132,8 +138,6 @@ class MambaSplatConfig(ClassifierConfig):
             return "variant is 'published', which counts frames that were not recorded"
         if self.scale_normalisation in ("clip", "robust"):
             return f"scale_normalisation is {self.scale_normalisation!r}, not 'running', 'frame' or 'none'"
-        if self.motion_features:
-            return "motion_features is True, not False"
         return "positional_encoding is True, not False" if self.positional_encoding else None
 
     def build(self, card: Card, *, key: Key[Array, ""]) -> MambaSplatClassifier:
@@ -166,7 +170,7 @@ class MambaSplatConfig(ClassifierConfig):
 
 def frame_extras(config: MambaSplatConfig) -> int:
     """How many invariants of a frame join its descriptor besides the bridge's."""
-    return config.metric_size + MOTION_FEATURES * config.motion_features
+    return config.metric_size + feature_count(config)
 
 
 PUBLISHED: dict[str, Any] = {
@@ -176,6 +180,9 @@ PUBLISHED: dict[str, Any] = {
     "scalar_slots": 1,
     "metric_size": False,
     "motion_features": False,
+    "shape_features": False,
+    "flight_features": False,
+    "spectrum_features": False,
     "pre_norm": False,
     "invariants_before_pooling": False,
 }

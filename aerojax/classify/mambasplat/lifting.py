@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, uses_colour, uses_opacity, uses_shape
 from aerojax.classify.mambasplat.encoder import bias_epsilon, masked_mean, weight_init
-from aerojax.classify.mambasplat.motion import median_distance, motion_invariants
+from aerojax.classify.mambasplat.motion import MotionState, feature_count, features_after, median_distance, motion_state
 from aerojax.classify.mambasplat.vector_neurons import VNLinear, draw_weight
 from aerojax.core.types import pytree_dataclass
 from aerojax.gaussians.merge import MergedGaussians
@@ -47,17 +47,22 @@ def normalise_clip(
     is taken: where they share one, growth and shrinkage remain visible.
 
     Returns:
-        Normalised columns and each frame's further invariants: log of the radius in metres (`metric_size`) and how it
-        moves (`motion_features`).
+        Normalised columns and each frame's further invariants: log of the radius in metres (`metric_size`) and those
+        of `motion`.
     """
     nothing = jnp.zeros((), columns.dtype)
-    return normalise_after(ScaleSums(nothing, nothing), columns, mask, config)[:2]
+    motion = motion_state(columns.dtype) if feature_count(config) else None
+    return normalise_after(ScaleSums(nothing, nothing), motion, columns, mask, config)[:2]
 
 
 def normalise_after(
-    before: ScaleSums, columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"], config: MambaSplatConfig
-) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"], ScaleSums]:
-    """`normalise_clip` of frames that follow others, and the sums with these frames."""
+    before: ScaleSums,
+    motion: MotionState | None,
+    columns: Float[Array, "time token 14"],
+    mask: Bool[Array, "time token"],
+    config: MambaSplatConfig,
+) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"], ScaleSums, MotionState | None]:
+    """`normalise_clip` of frames that follow others, and what is remembered with these frames."""
     columns = jnp.where(mask[..., None], columns, 0.0)
     weights = mask.astype(columns.dtype)
     if uses_opacity(config.mode):
@@ -69,11 +74,13 @@ def normalise_after(
     so_far = before.moment + jnp.cumsum(moment), before.weight + jnp.cumsum(total)
     radius = _radius(centred, mask, (moment, total), so_far, config)
     extra = [jnp.log(radius)[:, None]] if config.metric_size else [jnp.zeros((len(radius), 0), radius.dtype)]
-    if config.motion_features:
-        extra.append(motion_invariants(columns, weights, centre, radius))
     inverse = 1 / radius[:, None, None]
+    if motion is not None:
+        found, motion = features_after(motion, centred * inverse, weights, centre, radius, config)
+        extra.append(found)
     parts = (centred * inverse, columns[..., 3:7], columns[..., 7:10] * inverse, columns[..., 10:])
-    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1), ScaleSums(so_far[0][-1], so_far[1][-1])
+    scale = ScaleSums(so_far[0][-1], so_far[1][-1])
+    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1), scale, motion
 
 
 def _radius(

@@ -36,6 +36,7 @@ from aerojax.classify.mambasplat.lifting import (
     normalise_clip,
 )
 from aerojax.classify.mambasplat.mamba import MambaStack, MambaState, sinusoids
+from aerojax.classify.mambasplat.motion import MotionState, feature_count, motion_state
 from aerojax.classify.mambasplat.vector_neurons import VNLinear
 from aerojax.core.types import pytree_dataclass
 from aerojax.gaussians.merge import merge_moments
@@ -47,6 +48,7 @@ class StreamState:
 
     temporal: the state of the Mamba layers, if the model has any.
     scale: sums of the running radius.
+    motion: the frames before, if the configuration has features that compare with them.
     total: sum of the frame embeddings so far.
     count: number of valid frames so far.
     embedding: the last valid frame's embedding.
@@ -54,6 +56,7 @@ class StreamState:
 
     temporal: MambaState | None
     scale: ScaleSums
+    motion: MotionState | None
     total: Float[Array, "width"]
     count: Float[Array, ""]
     embedding: Float[Array, "width"]
@@ -205,7 +208,8 @@ class MambaSplat(nnx.Module):
         kind = jax.tree.leaves(self)[0].dtype
         zero, none = jnp.zeros(self.config.d_model, kind), jnp.zeros((), kind)
         temporal = self.temporal.initial_state() if self.temporal is not None else None
-        return StreamState(temporal, ScaleSums(none, none), zero, none, zero)
+        motion = motion_state(kind) if feature_count(self.config) else None
+        return StreamState(temporal, ScaleSums(none, none), motion, zero, none, zero)
 
     def step(
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], state: StreamState
@@ -224,11 +228,12 @@ class MambaSplat(nnx.Module):
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], state: StreamState
     ) -> tuple[Float[Array, "width"], StreamState]:
         """What the head reads after one more frame; as `step`."""
-        normalised, extra, scale = normalise_after(state.scale, columns[None], mask[None], self.config)
+        frame = columns[None], mask[None]
+        normalised, extra, scale, motion = normalise_after(state.scale, state.motion, *frame, self.config)
         embedding, temporal = self.describe(normalised[0], mask, extra[0]), state.temporal
         if self.temporal is not None and temporal is not None:
             embedding, temporal = self.temporal.step(embedding, temporal)
-        following = StreamState(temporal, scale, state.total + embedding, state.count + 1, embedding)
+        following = StreamState(temporal, scale, motion, state.total + embedding, state.count + 1, embedding)
         following = jax.tree.map(lambda new, old: jnp.where(mask.any(), new, old), following, state)
         mean = following.total / jnp.maximum(following.count, 1.0)
         return mean if self.config.readout == "mean" else following.embedding, following

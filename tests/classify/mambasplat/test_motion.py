@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +13,13 @@ from support.clip_examples import random_clip, rotate_columns
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.classify.mambasplat.lifting import normalise_clip
 from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.classify.mambasplat.motion import (
+    SHAPE_FEATURES,
+    WINDOW,
+    feature_count,
+    shape_features,
+    spectrum_features,
+)
 from aerojax.geometry.rotations import haar_rotation
 
 MOVING = MambaSplatConfig(mode="C", motion_features=True, depth=1, mamba_layers=1, d_model=32, token_features=8)
@@ -75,11 +84,44 @@ def test_turning_the_clip_changes_nothing_and_turning_frames_does(x64):
     assert np.abs(features(each) - features(clip)).max() > 0.1
 
 
-def test_a_frame_without_tokens_has_no_motion_beside_it():
+EVERY = dataclasses.replace(MOVING, shape_features=True, flight_features=True, spectrum_features=True)
+
+
+def test_a_frame_without_tokens_is_as_if_not_recorded():
     clip, _ = flight(np.full((3, 3), 0.2))
     mask = jnp.ones(clip.shape[:2], bool).at[2].set(False)
-    found = features(clip, mask)
-    assert (found[2:] == 0).all() and (found[1] != 0).any()
+    found = features(clip, mask, EVERY)
+    assert (found[2] == 0).all()
+    np.testing.assert_allclose(found[[0, 1, 3]], features(clip[jnp.array([0, 1, 3])], config=EVERY), atol=1e-6)
+
+
+def test_no_feature_sees_rotation_order_or_size(x64):
+    clip = random_clip(4, time=20, tokens=24, dtype=np.float64)
+    rotation = jnp.linalg.qr(haar_rotation(key=jax.random.key(2)).astype(jnp.float64))[0]
+    turned = rotate_columns(clip, rotation * jnp.linalg.det(rotation))[:, ::-1].at[..., :3].multiply(3.0)
+    here = features(clip, config=EVERY)
+    assert here.shape == (20, feature_count(EVERY)) and np.isfinite(here).all() and np.abs(here).max() < 20
+    np.testing.assert_allclose(features(turned, config=EVERY), here, atol=1e-8)
+    assert np.abs(features(clip.at[..., 0].multiply(2.0), config=EVERY) - here).max() > 0.1
+
+
+def test_shape_of_a_known_body():
+    points = jnp.array([[2.0, 0, 0], [-2.0, 0, 0], [0, 1, 0], [0, -1, 0]])
+    share, moment = jnp.full(4, 0.25), jnp.diag(jnp.array([2.0, 0.5, 0.0]))
+    found = np.asarray(shape_features(points, jnp.ones(4, bool), share, moment))
+    np.testing.assert_allclose(found[:5], [2**0.5, 0.5**0.5, 1e-3, 0.5, 1e-3 / 2**0.5], atol=1e-5)
+    np.testing.assert_allclose(found[5:9], [1, 1.5, 2, 2], atol=1e-5)
+    np.testing.assert_allclose(found[9:], [0, 0, (16 + 1) / 2 / (2 * 2.5**2)], atol=1e-5)
+
+
+def test_a_swing_is_found_at_its_frequency():
+    t = np.arange(WINDOW)
+    window = np.zeros((WINDOW, SHAPE_FEATURES), np.float32)
+    window[:, 3] = 2 + 0.3 * np.sin(2 * np.pi * 5 * t / WINDOW)
+    found = np.asarray(spectrum_features(jnp.asarray(window), jnp.asarray(40.0))).reshape(-1, SHAPE_FEATURES) / 5
+    assert found[:8].argmax() == 4 * SHAPE_FEATURES + 3
+    np.testing.assert_allclose(found[[4, 8], 3], [0.3, 0.3 / 2**0.5], rtol=1e-4)
+    assert np.delete(found, 3, axis=1).max() < 1e-3
 
 
 def test_the_classifier_reads_them():
