@@ -40,10 +40,13 @@ def clips_of(
 
 
 def clip_of(
-    identity: Identity, mesh: AnimatedMesh, name: str, attempt: int, config: FactoryConfig
+    identity: Identity, mesh: AnimatedMesh, name: str, attempt: int, config: FactoryConfig, *, least_margin: int = 0
 ) -> StoredClip | None:
-    """One attempt at a clip; None where it has fewer than `config.least_frames` usable frames."""
-    plan = plan_clip(identity, mesh, name, attempt, config)
+    """One attempt at a clip; None where it has fewer than `config.least_frames` usable frames.
+
+    Arguments as for `plan_clip`.
+    """
+    plan = plan_clip(identity, mesh, name, attempt, config, least_margin=least_margin)
     crops = crop_clip(see_clip(plan, mesh, config), plan, config)
     if crops is None or len(crops.valid) < config.least_frames:
         return None

@@ -87,14 +87,18 @@ def rig_kind(config: FactoryConfig, name: str) -> str:
     return config.rigs.kinds[number_of(config.seed, name, "rig") % len(config.rigs.kinds)]
 
 
-def plan_clip(identity: Identity, mesh: AnimatedMesh, name: str, attempt: int, config: FactoryConfig) -> ClipPlan:
-    """Draw a clip; the same name, attempt and configuration give the same one.
+def plan_clip(
+    identity: Identity, mesh: AnimatedMesh, name: str, attempt: int, config: FactoryConfig, *, least_margin: int = 0
+) -> ClipPlan:
+    """Draw a clip; the same name, attempt, configuration and least margin give the same one.
 
     Args:
         identity: what flies. mesh: its body.
         name: from `clip_name`.
         attempt: from 0, after draws of which too few frames were usable.
         config: ranges.
+        least_margin: frames that the flight begins before the clip and ends after it; more where clocks need more.
+            Its length decides the flight, so clips that differ by their clocks alone want the same margin.
     """
     seeds = np.random.SeedSequence(number_of(config.seed, name, attempt)).spawn(4)
     rig_rng, flight_rng, light_rng, fault_rng = (np.random.default_rng(seed) for seed in seeds)
@@ -106,7 +110,7 @@ def plan_clip(identity: Identity, mesh: AnimatedMesh, name: str, attempt: int, c
     middle = mesh.vertices_at(phase + config.frames / 2 / fps).astype(np.float64)
     cameras = draw_cameras(kind, config.rigs, target, middle + target, field, rig_rng)
     motion: Motion = "in_place" if flight_rng.uniform() < config.flights.in_place else "flight"
-    margin = 1 + math.ceil(faults.clock_ms / 1e3 * fps)
+    margin = max(least_margin, 1 + math.ceil(faults.clock_ms / 1e3 * fps))
     flight = draw_flight(
         identity.label,
         frames=config.frames + 2 * margin,
