@@ -9,7 +9,7 @@ import pytest
 from support.networks import mask_of, network, position_at
 
 from aerojax.capture.format import CaptureCamera
-from aerojax.geometry.cameras import invert_rigid
+from aerojax.geometry.cameras import invert_rigid, look_at
 from aerojax.segment.silhouettes import silhouette_of
 from aerojax.track.conventions import fitting_convention
 
@@ -21,12 +21,12 @@ WORLD[:3, 3] = 40.0, -25.0, 7.0
 OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
-def frames_of(cameras, count=4, *, higher=0.0):
-    """Silhouettes of the ellipsoid in some frames, `cameras` being right; `higher` by so many metres."""
+def frames_of(cameras, count=4):
+    """Silhouettes of the ellipsoid in some frames, `cameras` being right."""
     placed = network(len(cameras))  # the ellipsoid flies about the rig's middle
     found = []
     for frame in range(0, 9 * count, 9):
-        masks = [mask_of(camera, position_at(frame) + [0, 0, higher]) for camera in placed]
+        masks = [mask_of(camera, position_at(frame)) for camera in placed]
         silhouettes = [silhouette_of(i, 1, mask.astype(np.float32)) for i, mask in enumerate(masks)]
         found.append([one for one in silhouettes if one is not None])
     return found
@@ -84,10 +84,15 @@ def test_the_convention_that_fits_is_named(name, count):
 
 
 def test_upside_down_images_are_named():
-    cameras = network(4, world_from_rig=WORLD)
+    # From cameras of one tilt, upside-down images are those of a mirrored world, whose rays meet as well.
+    centres = np.array([[5, 0, 0.5], [-2, 3, 4], [1, -4, -3], [-3, -3, 3.0]])
+    cameras = [
+        replace(camera, world_from_cam=np.asarray(look_at(centre, np.zeros(3)), np.float64))
+        for camera, centre in zip(network(4), centres, strict=True)
+    ]
     frames = [
-        [silhouette_of(one.camera, 1, np.ascontiguousarray(one.coverage[::-1])) for one in frame]
-        for frame in frames_of(cameras, higher=0.8)
+        [silhouette_of(i, 1, mask_of(c, place)[::-1].astype(np.float32)) for i, c in enumerate(cameras)]
+        for place in np.array([[0.3, 0.6, 0.9], [0.5, -0.6, 0.8]])
     ]
     found = fitting_convention([[one for one in frame if one is not None] for frame in frames], cameras)
     assert found is not None and "upside down" in found.name
