@@ -10,7 +10,8 @@ from pxr import Sdf, Usd, UsdGeom
 from aerojax.core.errors import UserError
 from aerojax.core.files import fingerprint
 from aerojax.simulate.assets.importers.gltf import load_gltf
-from aerojax.simulate.assets.importers.models import GLTF, WAVEFRONT, ImportedModel, body_from_file, described
+from aerojax.simulate.assets.importers.mesh_files import load_mesh_file
+from aerojax.simulate.assets.importers.models import GLTF, MESHES, WAVEFRONT, ImportedModel, body_from_file, described
 from aerojax.simulate.assets.importers.motion import at_speed, without_mirrors
 from aerojax.simulate.assets.importers.obj import load_wavefront
 from aerojax.simulate.assets.importers.scene import ImportedScene
@@ -46,7 +47,7 @@ def convert_model(model: ImportedModel, path: Path) -> None:
     if path.is_file() and _digest_of(path) == digest:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    if model.file.suffix.lower() in GLTF + WAVEFRONT:
+    if model.file.suffix.lower() in GLTF + WAVEFRONT + MESHES:
         _convert_scene(model, path, digest)
     else:
         with usd_refusals(str(model.file)):
@@ -90,10 +91,11 @@ def _load(model: ImportedModel) -> ImportedScene:
     if model.file.suffix.lower() in GLTF:
         return load_gltf(model.file, model.animation)
     if model.animation not in (None, "first"):
+        kind = model.file.suffix[1:].upper()
         raise UserError(
-            "invalid", f"{model.file}: animation is {model.animation!r}, but OBJ files hold no animation", "use none"
+            "invalid", f"{model.file}: animation is {model.animation!r}, but {kind} files hold no animation", "use none"
         )
-    return load_wavefront(model.file)
+    return load_wavefront(model.file) if model.file.suffix.lower() in WAVEFRONT else load_mesh_file(model.file)
 
 
 def _convert_stage(model: ImportedModel, path: Path, digest: str) -> None:

@@ -19,7 +19,7 @@ def imported_identities(path: Path) -> tuple[Identity, ...]:
     ```yaml
     models:
       - name: my_cessna     # unique; letters, digits and underscores
-        file: cessna.glb    # .glb .gltf .obj .usd .usda .usdc .usdz, relative to the list
+        file: cessna.glb    # .glb .gltf .obj .stl .ply .usd .usda .usdc .usdz, relative to the list
         class: airplane
         split: test         # default: test
         forward: +X         # the file's own axes; default +Z and +Y for glTF, up as the stage says for USD

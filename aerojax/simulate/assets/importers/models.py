@@ -17,6 +17,7 @@ from aerojax.core.types import CLASSES
 from aerojax.data.splits import SPLITS, Split
 
 GLTF, WAVEFRONT, USD = (".glb", ".gltf"), (".obj",), (".usd", ".usda", ".usdc", ".usdz")
+MESHES = (".stl", ".ply")
 AXES = {sign + letter: (1.0 if sign == "+" else -1.0) * np.eye(3)[i] for sign in "+-" for i, letter in enumerate("XYZ")}
 _NEEDED = ("name", "file", "class")
 _KINDS: dict[str, tuple[type, ...]] = {
@@ -39,7 +40,7 @@ class ImportedModel:
     """One model of the list.
 
     name: unique, also the stem of its stage.
-    file: `.glb`, `.gltf`, `.obj` or USD, absolute.
+    file: `.glb`, `.gltf`, `.obj`, `.stl`, `.ply` or USD, absolute.
     label: one of `aerojax.core.types.CLASSES`; "class" in the file.
     split: that it belongs to; "test" where the list does not say.
     forward, up: axes of the file that point to the nose and upwards; an empty `up` takes the USD stage's own.
@@ -148,14 +149,14 @@ def _wrong_numbers(entry: dict[str, Any]) -> Iterator[str]:
 def _wrong_file(entry: dict[str, Any], path: Path) -> Iterator[str]:
     file = path.parent / entry["file"]
     kind = file.suffix.lower()
-    if kind not in GLTF + WAVEFRONT + USD:
-        yield f"file: {entry['file']} has no known ending; use {', '.join(GLTF + WAVEFRONT + USD)}"
+    if kind not in GLTF + WAVEFRONT + USD + MESHES:
+        yield f"file: {entry['file']} has no known ending; use {', '.join(GLTF + WAVEFRONT + USD + MESHES)}"
         return
     if not file.is_file():
         yield f"file: {file} does not exist; give it relative to {path.name}"
-    if kind in WAVEFRONT + USD and "forward" not in entry:
+    if kind in WAVEFRONT + USD + MESHES and "forward" not in entry:
         yield f"forward: is missing, and {kind} has no convention; say which axis the nose points along"
-    if kind in WAVEFRONT and "up" not in entry:
+    if kind in WAVEFRONT + MESHES and "up" not in entry:
         yield f"up: is missing, and {kind} has no convention; say which axis points upwards"
     if kind in GLTF and (entry.get("forward") is None) != (entry.get("up") is None):
         forward, up = entry.get("forward", "+Z"), entry.get("up", "+Y")

@@ -14,9 +14,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from support.gltf_files import Glb, triangle
 from support.model_imports import IMAGE, animate, textured
-from support.mutations import mutated_glb, mutated_text
+from support.mutations import mutated_bytes, mutated_glb, mutated_text
 from support.usd_text import METRIC, write_usda
 
 from aerojax.core.errors import UserError
@@ -111,6 +112,21 @@ def _usda(folder: Path) -> bytes:
     return write_usda(folder / "seed.usda", body, METRIC + "timeCodesPerSecond = 24; ").read_bytes()
 
 
+def _stl(folder: Path) -> bytes:
+    return trimesh.creation.box().export(file_type="stl")
+
+
+def _ply(folder: Path) -> bytes:
+    """Text with a colour and faces of three and four corners."""
+    lines = [
+        "ply\nformat ascii 1.0\nelement vertex 4",
+        *(f"property {kind}" for kind in ("float x", "float y", "float z", "uchar red", "uchar green", "uchar blue")),
+        "element face 2\nproperty list uchar int vertex_indices\nend_header",
+        "0 0 0 255 0 0\n2 0 0 0 0 0\n2 1 0 0 0 0\n0 1 0 0 0 0\n4 0 1 2 3\n3 0 1 2\n",
+    ]
+    return "\n".join(lines).encode()
+
+
 def _read(file: Path) -> None:
     model = ImportedModel("model", file, "drone", "test", "+X", "+Z", 1.0, "first", 1.0, "", "")
     stage = file.parent / "out" / f"{file.stem}.usdc"
@@ -125,6 +141,8 @@ KINDS = {
     "glb": (_glb, mutated_glb, "{}.glb"),
     "obj": (_obj, mutated_text, "{}.obj"),
     "mtl": (_mtl, mutated_text, "model.mtl"),
+    "stl": (_stl, mutated_bytes, "{}.stl"),
+    "ply": (_ply, mutated_text, "{}.ply"),
     "usda": (_usda, mutated_text, "{}.usda"),
 }
 
