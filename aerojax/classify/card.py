@@ -106,7 +106,7 @@ class Card:
         """
         try:
             values = json.loads(text)
-        except ValueError:
+        except (ValueError, RecursionError):
             values = None
         if not isinstance(values, dict):
             raise UserError("unreadable", f"{source}: the card in its header is no JSON object", "fetch it again")
@@ -150,7 +150,7 @@ _TYPES = {
     "scale_normalisation": _text,
     "rotation_invariant": lambda value: isinstance(value, bool),
     "temperature": lambda value: isinstance(value, int | float) and not isinstance(value, bool),
-    "rotation": lambda value: value in get_args(TrainRotation),
+    "rotation": lambda value: _text(value) and value in get_args(TrainRotation),
     "settings": _pairs,
     "record": lambda value: isinstance(value, dict),
 }

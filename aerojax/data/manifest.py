@@ -7,9 +7,10 @@ to the data set's folder. A finished sequence holds its own entry in `sequence.j
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, TypeVar
 
 import numpy as np
@@ -241,7 +242,7 @@ def _read(path: Path, parse: Callable[[Any], _T]) -> _T:
         raise UserError(
             "missing", f"{path}: does not exist", "generate the data set to its end, or correct dataset="
         ) from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise UserError("unreadable", f"{path}: is not valid JSON", _AGAIN) from None
     if path.name == MANIFEST and (not isinstance(raw, dict) or raw.get("format") != FORMAT):
         raise UserError("unreadable", f"{path}: format is not {FORMAT}", "name the folder of a generated data set")
@@ -251,7 +252,7 @@ def _read(path: Path, parse: Callable[[Any], _T]) -> _T:
         return parse(raw)
     except KeyError as error:
         raise UserError("missing", f"{path}: {error.args[0]} is missing", _AGAIN) from None
-    except (AttributeError, TypeError, ValueError) as error:
+    except (AttributeError, TypeError, ValueError, OverflowError) as error:
         raise UserError("unreadable", f"{path}: has entries of another form ({error})", _AGAIN) from None
 
 
@@ -268,7 +269,7 @@ def _manifest(raw: Mapping[str, Any], folder: Path) -> Manifest:
 
 def _sequence(entry: Mapping[str, Any], dataset: Path) -> SequenceEntry:
     return SequenceEntry(
-        folder=dataset / entry["folder"],
+        folder=_inside(dataset, entry["folder"]),
         name=entry["name"],
         label=entry["class"],
         identity=entry["identity"],
@@ -286,6 +287,21 @@ def _sequence(entry: Mapping[str, Any], dataset: Path) -> SequenceEntry:
     )
 
 
+def _inside(dataset: Path, relative: str) -> Path:
+    """A path of the data set.
+
+    Raises:
+        ValueError: it is absolute or leads out of the folder.
+    """
+    if (
+        PurePosixPath(relative).is_absolute()
+        or PureWindowsPath(relative).anchor
+        or ".." in re.split(r"[/\\]", relative)
+    ):
+        raise ValueError(f"the path {relative!r} leaves the data set's folder")
+    return dataset / relative
+
+
 def _true_camera(camera: Mapping[str, Any]) -> TrueCamera:
     return TrueCamera(camera["name"], np.array(camera["K"], float), np.array(camera["world_from_cam"], float))
 
@@ -296,7 +312,7 @@ def _identity(entry: Mapping[str, Any], dataset: Path) -> IdentityEntry:
         label=entry["class"],
         family=entry["family"],
         split=entry["split"],
-        asset=dataset / entry["asset"],
+        asset=_inside(dataset, entry["asset"]),
         licence=entry["licence"],
         source=entry["source"],
     )

@@ -53,6 +53,8 @@ def test_a_pipeline_that_contradicts_the_card_is_refused():
     [
         (lambda card: "no json", "unreadable", "no JSON object"),
         (lambda card: "[]", "unreadable", "no JSON object"),
+        (lambda card: "[" * 100_000, "unreadable", "no JSON object"),
+        (lambda card: card | {"rotation": []}, "invalid", "rotation is []"),
         (lambda card: {k: v for k, v in card.items() if k not in ("tokens", "classes")}, "missing", "classes, tokens"),
         (lambda card: card | {"mood": 1}, "invalid", "unknown field mood"),
         (lambda card: card | {"tokens": 0, "rotation": "x"}, "invalid", "tokens is 0; rotation is 'x'"),

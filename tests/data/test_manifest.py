@@ -86,3 +86,20 @@ def test_manifests_that_do_not_serve(tmp_path, content, code, message):
 def test_no_folder():
     with pytest.raises(UserError, match="dataset=DIR"):
         read_datasets([])
+
+
+@pytest.mark.parametrize("path", ["/etc", "../other", "a/../../b", "C:\\x", "..\\x"])
+@pytest.mark.parametrize(("part", "field"), [("sequences", "folder"), ("identities", "asset")])
+def test_paths_that_leave_the_folder_are_refused(tmp_path, part, field, path):
+    write_manifest(_manifest(tmp_path), tmp_path)
+    raw = json.loads((tmp_path / "dataset.json").read_text())
+    raw[part][0][field] = path
+    (tmp_path / "dataset.json").write_text(json.dumps(raw))
+    with pytest.raises(UserError, match=r"dataset\.json: has entries of another form .*leaves the data set's folder"):
+        read_manifest(tmp_path)
+
+
+def test_nesting_without_end_is_refused(tmp_path):
+    (tmp_path / "dataset.json").write_text("[" * 100_000)
+    with pytest.raises(UserError, match=r"dataset\.json: is not valid JSON"):
+        read_manifest(tmp_path)
