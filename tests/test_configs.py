@@ -48,6 +48,15 @@ def test_config_fits(name, preset):
     assert config.preset == preset
 
 
+@pytest.mark.parametrize("preset", ["smoke", "small", "full"])
+def test_clips_hold_the_tokens_that_training_takes(preset):
+    """`train_classifier preset=full` asked for twice as many as `reconstruct_dataset preset=full` kept."""
+    kept = values_of("reconstruct_dataset", f"preset={preset}")
+    taken = values_of("train_classifier", f"preset={preset}")
+    assert taken["variation"]["tokens"] <= kept["tokens"]
+    assert all(folder.startswith(kept["folder"]) for folder in taken["clips"])
+
+
 def test_every_experiment_has_a_config():
     acts = {p.stem for p in (ROOT / "experiments").glob("*.py") if "\n@experiment(" in p.read_text()}
     assert acts == set(NAMES)
