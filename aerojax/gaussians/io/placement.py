@@ -6,6 +6,7 @@ Gaussians about an origin of their own, and the origin beside them in double pre
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -37,6 +38,11 @@ def place(
     origin = np.round(translation) if np.abs(translation).max() > FAR else np.zeros(3)
     near = np.array(world_from_local)
     near[:3, 3] -= origin
+    if np.array_equal(near[:3, :3], np.eye(3)):  # exact, and without compiling a rotation of nothing
+        moved = np.asarray(gaussians.mean, np.float64) * scale + near[None, :3, 3]
+        dtype = gaussians.mean.dtype
+        changed = {"mean": jnp.asarray(moved, dtype), "scale": gaussians.scale * jnp.asarray(scale, dtype)}
+        return dataclasses.replace(gaussians, **changed), origin
     return transform(gaussians, jnp.asarray(near, gaussians.mean.dtype), scale=scale), origin
 
 
