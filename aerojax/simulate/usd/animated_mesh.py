@@ -64,15 +64,18 @@ class AnimatedMesh:
         time = self._time_code(seconds)
         with usd_refusals(self._called), _naming(self._called):
             posed = [evaluate(time) for evaluate in self._evaluate]
-            for name, points in zip(self.part_names, posed, strict=True):
-                if not np.isfinite(points).all():
-                    problem = f"{name}: its points or a transform are not finite at time code {time:g}"
-                    raise UserError("invalid", problem, "export it again")
         gone = [hidden is not None and hidden(time) for hidden in self._hidden]
         if any(gone):
             seen = next((points for points, away in zip(posed, gone, strict=True) if not away), posed[0])
             posed = [np.broadcast_to(seen[:1], p.shape) if g else p for p, g in zip(posed, gone, strict=True)]
-        return np.concatenate(posed).astype(np.float32, copy=False)
+        vertices = np.concatenate(posed).astype(np.float32, copy=False)
+        if not np.isfinite(vertices).all():
+            lost = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+            part = self.part[np.isin(self.faces, lost).any(axis=1)]
+            name = self.part_names[int(part[0])] if len(part) else "a vertex"
+            problem = f"{self._called}: {name}: its points or a transform are not finite at time code {time:g}"
+            raise UserError("invalid", problem, "export it again")
+        return vertices
 
     def joints_at(self, seconds: float) -> dict[str, Float[np.ndarray, "4 4"]]:
         """Rigid `body_from_joint` of skeleton joints and animated prims (rotors), metres, by name."""
