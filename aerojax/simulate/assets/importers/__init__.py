@@ -1,1 +1,1 @@
-"""Users' own models: glTF, OBJ and USD files as identities of the catalogue."""
+"""Users' own models: glTF, OBJ, STL, PLY and USD files as identities of the catalogue."""
