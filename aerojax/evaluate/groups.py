@@ -15,6 +15,7 @@ from aerojax.classify.base import Classifier, with_card
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
 from aerojax.data.clips import ClipSet, Fact, clip_files, load_clip, pack_clips
+from aerojax.data.manifest import SequenceEntry
 from aerojax.evaluate.answers import TEST_ENSEMBLES, log_probabilities
 from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity
 from aerojax.evaluate.calibration import calibration_error
@@ -66,6 +67,17 @@ class AskedClip:
     label: str
     identity: str
     facts: Mapping[str, Fact] = field(default_factory=dict)
+
+
+def asked_sequences(sequences: Sequence[SequenceEntry], rig: str, split: str) -> dict[str, AskedClip] | None:
+    """The clips that there should be of a rig's sequences, by name; None where the rig has none."""
+    chosen = [one for one in sequences if (one.rig, one.split) == (rig, split)]
+    return {
+        one.name: AskedClip(
+            one.label, one.identity, {"rig": one.rig, "cameras": one.cameras, "distance_m": one.distance}
+        )
+        for one in chosen
+    } or None
 
 
 def answer_folder(
@@ -189,3 +201,17 @@ def figures_by_number(
             ends = {"low": float(low), "high": float(high) if np.isfinite(high) else None}
             rows.append(ends | answer_figures(answers.take(inside), seed=seed, draws=draws))
     return rows
+
+
+def grouped_figures(answers: AnsweredClips, *, seed: int, draws: int) -> dict[str, Any]:
+    """Figures by rig, by width and by distance, JSON-ready.
+
+    A clip that does not exist has no width, so the groups of widths leave it out; its distance is the sequence's.
+    """
+    ask = {"seed": seed, "draws": draws}
+    return {
+        "rigs": figures_by_text(answers, "rig", **ask),
+        "width_px": figures_by_number(answers, "width_px", WIDTH_EDGES, **ask),
+        "distance_m": figures_by_number(answers, "distance_m", DISTANCE_EDGES, **ask),
+        "distance_64_to_280_m": figures_by_number(answers, "distance_m", FAR, **ask),
+    }

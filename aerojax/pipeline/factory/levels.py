@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from aerojax.core.errors import UserError
 from aerojax.pipeline.factory.config import FactoryConfig, FaultRanges, FlightRanges, RigRanges
@@ -112,7 +113,8 @@ def _level(ideal: FactoryConfig, factor: str, value: float) -> Level:
 
 
 def _faults(ideal: FactoryConfig, **values: float | int) -> FactoryConfig:
-    return replace(ideal, faults=replace(ideal.faults, **{name: (v, v) for name, v in values.items()}))
+    ends: dict[str, Any] = {name: (value, value) for name, value in values.items()}
+    return replace(ideal, faults=replace(ideal.faults, **ends))
 
 
 def _at_width(ideal: FactoryConfig, pixels: float) -> FactoryConfig:
