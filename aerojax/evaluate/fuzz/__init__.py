@@ -1,0 +1,1 @@
+"""Fuzzing of readers: mutated files, and processes that read them under limits."""
