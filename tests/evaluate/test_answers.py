@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.clip_examples import random_clip
+from support.known_answers import Heights
 
 from aerojax.classify.base import untrained_card
-from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
-from aerojax.core.types import Evidence, pytree_dataclass, static_field
 from aerojax.data.clips import ClipSet, save_clip
 from aerojax.data.windows import Windows
 from aerojax.evaluate.answers import (
@@ -24,33 +21,6 @@ from aerojax.evaluate.answers import (
     vote,
 )
 from aerojax.evaluate.rotations import draw_rotations
-
-
-@pytree_dataclass
-class Heights:
-    """Logits from the mean position (x, y, z) of the last valid frame; the fourth class is impossible."""
-
-    card: Card = static_field()
-
-    @property
-    def reads_crops(self):
-        return False
-
-    @property
-    def causal(self):
-        return True
-
-    def initial(self):
-        return jnp.zeros(3)
-
-    def step(self, seen, valid, state):
-        state = jnp.where(valid, seen.gaussians.mean.mean(axis=0), state)
-        return jax.nn.log_softmax(jnp.append(state, -1e3)), state
-
-    def clip(self, seen: Evidence, valid):
-        frames = (seen, valid)
-        return jax.lax.scan(lambda state, frame: self.step(*frame, state)[::-1], self.initial(), frames)[1]
-
 
 HEIGHTS = Heights(untrained_card(MambaSplatConfig(), tokens=8, frames=4))
 
