@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -112,83 +112,59 @@ def clip_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob("*.npz") if not path.name.startswith("."))
 
 
-def load_clips(folder: Path, *, frames: int) -> ClipSet:
-    """Read every clip of a folder in the order of names, padded with zeros or cut to `frames`.
+def load_clips(*folders: Path, frames: int) -> ClipSet:
+    """Read every clip of some folders in the order of names, padded with zeros or cut to `frames`.
 
     Raises:
-        UserError: no clips, or one that is broken, of another class or of another size.
+        UserError: a folder without clips, or a clip that is broken, of another class or of another size.
     """
-    paths = clip_files(folder)
-    if not paths:
-        raise UserError(
-            "missing",
-            f"{folder} holds no clips (*.npz)",
-            "make them with python -m experiments.generate_clips or experiments.reconstruct_dataset",
-        )
-    clips = [load_clip(path) for path in paths]
-    tokens = clips[0].columns.shape[1]
-    size = next((found for found in map(_crop_size, clips) if found), 0)
-    for path, clip in zip(paths, clips, strict=True):
-        if clip.columns.shape[1] != tokens:
-            problem = f"{path} has {clip.columns.shape[1]} tokens a frame, others have {tokens}"
-            raise UserError("mismatch", problem, "make it again")
-        if _crop_size(clip) not in (0, size):
-            problem = f"{path} has crops of {_crop_size(clip)} pixels, others of {size}"
-            raise UserError("mismatch", problem, "make it again")
-    return pack_clips(clips, frames=frames)
+    paths = []
+    for folder in folders:
+        paths += (found := clip_files(folder))
+        if not found:
+            remedy = "make them with python -m experiments.generate_clips or experiments.reconstruct_dataset"
+            raise UserError("missing", f"{folder} holds no clips (*.npz)", remedy)
+    return _packed(((str(path), load_clip(path)) for path in paths), len(paths), frames)
 
 
 def pack_clips(clips: Sequence[StoredClip], *, frames: int) -> ClipSet:
-    """Clips in memory, in order, padded with zeros or cut to `frames` and to `VIEWS` views."""
-    tokens, size = clips[0].columns.shape[1], max(map(_crop_size, clips))
-    columns = np.zeros((len(clips), frames, tokens, 14), np.float32)
-    present = np.zeros((len(clips), frames), bool)
-    crops = np.zeros((len(clips), frames, VIEWS, size, size, 4), np.uint8) if size else None
-    valid = np.zeros((len(clips), frames, VIEWS), bool) if size else None
-    for index, clip in enumerate(clips):
-        length = min(len(clip.columns), frames)
-        columns[index, :length], present[index, :length] = clip.columns[:length], True
-        if crops is not None and valid is not None and clip.crops is not None and clip.crop_valid is not None:
-            views = min(clip.crops.shape[1], VIEWS)
-            crops[index, :length, :views] = clip.crops[:length, :views]
-            valid[index, :length, :views] = clip.crop_valid[:length, :views]
-    labels = np.array([CLASSES.index(clip.label) for clip in clips])
-    facts = tuple(clip.facts for clip in clips)
-    return ClipSet(columns, present, labels, tuple(clip.identity for clip in clips), crops, valid, facts)
-
-
-def _crop_size(clip: StoredClip) -> int:
-    return 0 if clip.crops is None else clip.crops.shape[2]
-
-
-def join_clips(sets: Sequence[ClipSet]) -> ClipSet:
-    """Several sets of equal length as one, in order.
+    """Clips in memory, in order, padded with zeros or cut to `frames` and to `VIEWS` views.
 
     Raises:
         UserError: they have different numbers of tokens a frame, or crops of different sizes.
     """
-    tokens = {clips.columns.shape[2] for clips in sets}
-    sizes = {clips.crops.shape[3] for clips in sets if clips.crops is not None}
-    for name, found in (("tokens a frame", tokens), ("pixels a crop", sizes)):
-        if len(found) > 1:
-            raise UserError("mismatch", f"sets of clips have {sorted(found)} {name}", "make them again with one number")
-    size = max(sizes, default=0)
-    return ClipSet(
-        np.concatenate([clips.columns for clips in sets]),
-        np.concatenate([clips.present for clips in sets]),
-        np.concatenate([clips.label for clips in sets]),
-        tuple(name for clips in sets for name in clips.identity),
-        np.concatenate([_crops_of(clips, size)[0] for clips in sets]) if size else None,
-        np.concatenate([_crops_of(clips, size)[1] for clips in sets]) if size else None,
-        tuple(facts for clips in sets for facts in (clips.facts or ({},) * len(clips.label))),
-    )
+    return _packed(((clip.identity, clip) for clip in clips), len(clips), frames)
 
 
-def _crops_of(clips: ClipSet, size: int) -> tuple[np.ndarray, np.ndarray]:
-    if clips.crops is not None and clips.crop_valid is not None:
-        return clips.crops, clips.crop_valid
-    shape = (*clips.present.shape, VIEWS)
-    return np.zeros((*shape, size, size, 4), np.uint8), np.zeros(shape, bool)
+def _packed(clips: Iterable[tuple[str, StoredClip]], count: int, frames: int) -> ClipSet:
+    """Clips with their names, put in place one by one, so that none is in memory twice."""
+    columns, crops = np.zeros((0, frames, 0, 14), np.float32), None
+    present, valid = np.zeros((count, frames), bool), np.zeros((count, frames, VIEWS), bool)
+    label, identity, facts = np.zeros(count, np.int64), [], []
+    for index, (name, clip) in enumerate(clips):
+        if index == 0:
+            columns = np.zeros((count, frames, *clip.columns.shape[1:]), np.float32)
+        _require_equal(name, clip.columns.shape[1], columns.shape[2], "{} tokens a frame")
+        length = min(len(clip.columns), frames)
+        columns[index, :length], present[index, :length] = clip.columns[:length], True
+        if clip.crops is not None and clip.crop_valid is not None:
+            size = clip.crops.shape[2]
+            if crops is None:
+                crops = np.zeros((count, frames, VIEWS, size, size, 4), np.uint8)
+            _require_equal(name, size, crops.shape[3], "crops of {} pixels")
+            views = min(clip.crops.shape[1], VIEWS)
+            crops[index, :length, :views] = clip.crops[:length, :views]
+            valid[index, :length, :views] = clip.crop_valid[:length, :views]
+        label[index] = CLASSES.index(clip.label)
+        identity.append(clip.identity)
+        facts.append(clip.facts)
+    return ClipSet(columns, present, label, tuple(identity), crops, None if crops is None else valid, tuple(facts))
+
+
+def _require_equal(name: str, found: int, others: int, what: str) -> None:
+    if found != others:
+        problem = f"{name} has {what.format(found)}, others have {what.format(others)}"
+        raise UserError("mismatch", problem, "make it again")
 
 
 def load_clip(path: Path) -> StoredClip:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
 from aerojax.core.errors import UserError
-from aerojax.data.clips import clip_files, join_clips, load_clips
+from aerojax.data.clips import clip_files, load_clips
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,8 @@ def read_windows(folders: Sequence[Path], split: str, *, frames: int, length: in
         stride: between starts.
         tokens: of a frame that are kept, the first ones (they lie in random order).
     """
-    sets = [load_clips(folder / split, frames=max(frames, length)) for folder in folders]
     stems = [(folder.name, path.stem) for folder in folders for path in clip_files(folder / split)]
-    clips = join_clips(sets)
+    clips = load_clips(*(folder / split for folder in folders), frames=max(frames, length))
     where = [
         (index, start)
         for index, present in enumerate(clips.present)

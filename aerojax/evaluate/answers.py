@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, UInt8
 from aerojax.classify.base import Classifier, with_card
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Evidence, Gaussians
-from aerojax.data.clips import ClipSet, clip_files, join_clips, load_clips
+from aerojax.data.clips import ClipSet, clip_files, load_clips
 from aerojax.data.windows import Windows
 from aerojax.evaluate.labels import label_figures
 from aerojax.evaluate.rotations import rotate_clip
@@ -40,7 +40,7 @@ def require_clips(folders: tuple[Path, ...], split: str) -> None:
 
 def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
     """The clips of one split of several folders, cut or padded to `frames`."""
-    return join_clips([load_clips(folder / split, frames=frames) for folder in folders])
+    return load_clips(*(folder / split for folder in folders), frames=frames)
 
 
 def crops_from_bytes(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerojax.core.errors import UserError
-from aerojax.data.clips import VIEWS, clip_files, crop_bytes, join_clips, load_clips, save_clip
+from aerojax.data.clips import VIEWS, clip_files, crop_bytes, load_clips, save_clip
 from aerojax.data.windows import read_windows, window_starts
 
 
@@ -52,11 +52,10 @@ def test_sets_are_joined_in_order(tmp_path):
     save_clip(tmp_path / "a/x.npz", np.ones((3, 4, 14)), "bird", "bird_0")
     save_clip(tmp_path / "b/x.npz", np.ones((3, 4, 14)), "drone", "drone_0")
     save_clip(tmp_path / "c/x.npz", np.ones((3, 5, 14)), "drone", "drone_0")
-    sets = [load_clips(tmp_path / name, frames=3) for name in "abc"]
-    joined = join_clips(sets[:2])
+    joined = load_clips(tmp_path / "a", tmp_path / "b", frames=3)
     assert joined.label.tolist() == [0, 1] and joined.identity == ("bird_0", "drone_0")
-    with pytest.raises(UserError, match=r"\[4, 5\] tokens"):
-        join_clips(sets)
+    with pytest.raises(UserError, match=r"5 tokens a frame, others have 4"):
+        load_clips(*(tmp_path / name for name in "abc"), frames=3)
 
 
 def test_windows_of_clips(tmp_path):
@@ -100,11 +99,11 @@ def test_sets_with_and_without_crops_are_joined(tmp_path):
     crops, valid = np.full((3, 2, 4, 4, 4), 7, np.uint8), np.ones((3, 2), bool)
     save_clip(tmp_path / "a/x.npz", np.ones((3, 4, 14)), "bird", "b", crops=crops, crop_valid=valid)
     save_clip(tmp_path / "b/x.npz", np.ones((3, 4, 14)), "bird", "c")
-    joined = join_clips([load_clips(tmp_path / name, frames=3) for name in "ab"])
+    joined = load_clips(tmp_path / "a", tmp_path / "b", frames=3)
     assert joined.crops.shape == (2, 3, VIEWS, 4, 4, 4) and joined.crop_valid[0, :, :2].all()
     assert not joined.crop_valid[1].any() and len(joined.facts) == 2
     save_clip(tmp_path / "a/y.npz", np.ones((3, 4, 14)), "bird", "b", crops=crops[..., :2, :2, :], crop_valid=valid)
-    with pytest.raises(UserError, match=r"y\.npz has crops of 2 pixels, others of 4"):
+    with pytest.raises(UserError, match=r"y\.npz has crops of 2 pixels, others have crops of 4"):
         load_clips(tmp_path / "a", frames=3)
     with pytest.raises(UserError, match=r"z\.npz is not a clip"):
         save_clip(tmp_path / "c/z.npz", np.ones((3, 4, 14)), "bird", "b", crops=crops, crop_valid=valid[:2])
