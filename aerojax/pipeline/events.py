@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from aerojax.core.types import Evidence, Gaussians, Observation
+from aerojax.reconstruct.consistency import Consistency
 
 DropCode = Literal["too-few-views", "silhouettes-disjoint"]
 """Why an object of a frame could not be used:
@@ -35,6 +36,7 @@ class Updated:
     seen: the decimated Gaussians, metres, rig frame (`observation.world_from_rig` takes them to the world), and the
         crops that classifiers of views read.
     log_probabilities: of the classes, from all frames so far; None where frames cannot be classified one by one.
+    consistency: how well the cameras agree in this frame.
     """
 
     frame: int
@@ -43,6 +45,7 @@ class Updated:
     seen: Evidence
     observation: Observation | None
     log_probabilities: Float32[np.ndarray, "label"] | None
+    consistency: Consistency
 
     @property
     def gaussians(self) -> Gaussians:
@@ -52,12 +55,16 @@ class Updated:
 
 @dataclass(frozen=True)
 class Dropped:
-    """A frame that could not be used, of one object or of all where `track` is None."""
+    """A frame that could not be used, of one object or of all where `track` is None.
+
+    consistency: how well the cameras agree; None where too few of them show the object.
+    """
 
     frame: int
     track: int | None
     code: DropCode
     text: str
+    consistency: Consistency | None = None
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
@@ -17,14 +19,17 @@ from aerojax.core.errors import UserError
 from aerojax.core.types import Evidence, FrameSet, Gaussians, MissingView, Observation
 from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.config import PipelineConfig
-from aerojax.pipeline.events import Dropped, Updated
+from aerojax.pipeline.events import Dropped, Lost, Updated
 from aerojax.pipeline.source import capture_frames, capture_preview
-from aerojax.pipeline.step import Pipeline, make_pipeline
+from aerojax.pipeline.step import Pipeline, PipelineState, make_pipeline
 from aerojax.pipeline.stream import stream
+from aerojax.pipeline.trust import Record, TrustConfig, Verdict, judge
 from aerojax.pipeline.warnings import convention_of, missing_warnings
+from aerojax.reconstruct.consistency import Consistency
 
 Progress = Callable[[int, int, str], None]
 """Called with (done, total, what) as frames pass."""
+_TRUST = TrustConfig()
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +42,8 @@ class Clip:
     log_probabilities: of the classes after each frame; None without a classifier.
     dropped: frames that could not be used, and why.
     latency_ms: median milliseconds a frame, per stage.
+    consistency: how well the cameras agree in each frame.
+    verdict: whether the answer may be believed.
     observations: what was seen in each frame (kept only on request).
     missing: cameras that should have shown something and did not, with the numbers of their frames.
     warnings: what the user of the result should know, one sentence each.
@@ -49,6 +56,8 @@ class Clip:
     log_probabilities: Float32[np.ndarray, "time label"] | None
     dropped: tuple[Dropped, ...]
     latency_ms: dict[str, float]
+    consistency: tuple[Consistency, ...]
+    verdict: Verdict
     observations: tuple[Observation, ...] = ()
     missing: tuple[tuple[int, MissingView], ...] = ()
     warnings: tuple[str, ...] = ()
@@ -70,6 +79,7 @@ def reconstruct_capture(
     *,
     key: Key[Array, ""],
     object_id: int | None = None,
+    trust: TrustConfig = _TRUST,
     progress: Progress | None = None,
     keep_observations: bool = False,
 ) -> Clip:
@@ -83,6 +93,7 @@ def reconstruct_capture(
         classifier: from `load_classifier`. One that is not causal is asked once, when all frames are known.
         key: seeds the decimation, frame by frame.
         object_id: instance to follow; the largest one if None. Ignored where the capture has no masks.
+        trust: from when on the answer is believed.
         progress: called after each frame.
         keep_observations: keep crops and boxes in the clip, for a report.
 
@@ -94,7 +105,9 @@ def reconstruct_capture(
     dropped: list[Dropped] = []
     missing: list[tuple[int, MissingView]] = []
     source = _read(capture, pipeline, progress, missing)
-    for events, _ in stream(pipeline, source, pipeline.initial(capture_preview(capture))):
+    records: dict[int, Record] = {}  # of what was lost
+    state = pipeline.initial(capture_preview(capture))
+    for events, after in stream(pipeline, source, state):
         for event in events:
             if isinstance(event, Updated):
                 updates.setdefault(event.track, []).append(
@@ -102,13 +115,16 @@ def reconstruct_capture(
                 )
             elif isinstance(event, Dropped):
                 dropped.append(event)
+            elif isinstance(event, Lost):
+                records[event.track] = _record(records, state, event.track)
+        state = after
     warnings = (*capture.warnings, *missing_warnings(capture, missing))
     disjoint = [event.frame for event in dropped if event.code == "silhouettes-disjoint"]
     convention = convention_of(capture, pipeline, disjoint) if 2 * len(disjoint) > capture.frames else None
     if convention is not None:
         warnings = (*warnings, f"the silhouettes meet if {convention.name}: {convention.remedy}")
     if not updates:
-        reasons = "; ".join(sorted({event.text for event in dropped}))
+        reasons = "; ".join([*sorted({event.text for event in dropped}), *_disagreements(capture, state, trust)])
         raise UserError(
             "no-usable-frames",
             f"{capture.folder}: none of the {capture.frames} frames could be used ({reasons})",
@@ -116,14 +132,19 @@ def reconstruct_capture(
         )
     kept = max(updates.values(), key=len)
     seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.seen for event in kept))
+    log_probabilities = _log_probabilities(pipeline, kept, seen)
+    last = None if log_probabilities is None else log_probabilities[-1]
+    record = _record(records, state, kept[0].track)
     return Clip(
         seen=seen,
         world_from_rig=pipeline.world_from_rig,
         frames=tuple(event.frame for event in kept),
         position=np.stack([event.position for event in kept]),
-        log_probabilities=_log_probabilities(pipeline, kept, seen),
+        log_probabilities=log_probabilities,
         dropped=tuple(event for event in dropped if event.track in (None, kept[0].track)),
         latency_ms=pipeline.watch.medians(),
+        consistency=tuple(event.consistency for event in kept),
+        verdict=judge(record, capture.cameras, last, trust, fps=capture.fps),
         observations=tuple(event.observation for event in kept if event.observation is not None),
         missing=tuple(missing),
         warnings=warnings,
@@ -168,6 +189,19 @@ def _read(
         yield frames
         if progress is not None:
             progress(done + 1, capture.frames, "reconstruct")
+
+
+def _record(lost: dict[int, Record], state: PipelineState, track: int) -> Record:
+    """What is remembered of an object, before it was lost and since."""
+    records = [lost[track]] if track in lost else []
+    records += [state.objects[track].record] if track in state.objects else []
+    return functools.reduce(operator.add, records)
+
+
+def _disagreements(capture: Capture, state: PipelineState, trust: TrustConfig) -> list[str]:
+    """What the cameras disagree about where no frame could be used."""
+    verdicts = (judge(one.record, capture.cameras, None, trust, fps=capture.fps) for one in state.objects.values())
+    return [reason.text for one in verdicts for reason in one.reasons if reason.code == "cameras-disagree"]
 
 
 @jax.jit

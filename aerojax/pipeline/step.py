@@ -14,7 +14,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Float64, Int, Key
+from jaxtyping import Array, Bool, Float, Float32, Float64, Int, Key
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.classify.base import Classifier
@@ -23,7 +23,9 @@ from aerojax.gaussians.decimate import DecimationConfig, decimate
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, Updated
 from aerojax.pipeline.stopwatch import Stopwatch
+from aerojax.pipeline.trust import Record
 from aerojax.reconstruct.base import Reconstructor
+from aerojax.reconstruct.consistency import consistency
 from aerojax.reconstruct.crop import small_crops
 from aerojax.reconstruct.observe import observe, usable
 from aerojax.segment.base import Preview, Segmenter
@@ -32,10 +34,14 @@ from aerojax.track.base import Tracker
 
 @dataclass(frozen=True, eq=False)
 class TrackState:
-    """One object: the frame in which it was last seen, and what the classifier remembers of it."""
+    """One object.
+
+    last_seen: frame. classify: what the classifier remembers. record: by which `trust.judge` judges the answer.
+    """
 
     last_seen: int
     classify: Any
+    record: Record
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +97,9 @@ class Pipeline:
             before = objects.get(one.number)
             if before is None:
                 events.append(Appeared(frames.frame, one.number))
-            said, classify = self._follow(frames, one, before.classify if before else self._unclassified())
+                before = TrackState(frames.frame, self._unclassified(), Record.none(len(self.cameras)))
+            said, objects[one.number] = self._follow(frames, one, before)
             events.append(said)
-            objects[one.number] = TrackState(frames.frame, classify)
         if not tracks:
             events.append(self.too_few_views(frames, None, 0))
         for number, known in tuple(objects.items()):
@@ -116,28 +122,38 @@ class Pipeline:
                 world_from_rig=self.world_from_rig,
             )
 
-    def _follow(self, frames: FrameSet, track: Track, classify: Any) -> tuple[Updated | Dropped, Any]:
-        """One object's event, and the classifier's next state."""
+    def _follow(self, frames: FrameSet, track: Track, before: TrackState) -> tuple[Updated | Dropped, TrackState]:
+        """One object's event, and its next state."""
         seen = self.observe(frames, track)
         if isinstance(seen, Dropped):
-            return seen, classify
+            return seen, TrackState(frames.frame, before.classify, before.record.unused())
         with self.watch.stage("reconstruct"):
             found, count = jax.block_until_ready(_reconstruct(self.reconstructor, seen.views, jnp.asarray(seen.valid)))
-        if int(count) == 0:
+        met = int(count) > 0
+        with self.watch.stage("check"):
+            focal = np.array([camera.K[0, 0] for camera in self.cameras])
+            agreement = consistency(seen.views, seen.valid, focal, np.asarray(found.mean)[: int(count)])
+            record = before.record.seen(agreement, frames.time_s, seen.rig_from_crop[:3, 3], used=met)
+        if not met:
             text = "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
-            return Dropped(frames.frame, track.number, "silhouettes-disjoint", text), classify
+            dropped = Dropped(frames.frame, track.number, "silhouettes-disjoint", text, agreement)
+            return dropped, TrackState(frames.frame, before.classify, record)
         with self.watch.stage("decimate"):
             shift = jnp.asarray(seen.rig_from_crop[:3, 3], jnp.float32)
             key = jax.random.fold_in(self.key, frames.frame)
             gaussians = jax.block_until_ready(_decimate(found, count, shift, key, self.config.decimation))
         evidence = Evidence(gaussians, self._crops(seen))
-        probabilities = None
-        if self.classifier is not None and self.classifier.causal:
-            with self.watch.stage("classify"):
-                logits, classify = jax.block_until_ready(_classify(self.classifier, evidence, classify))
-            probabilities = np.asarray(logits)
+        probabilities, classify = self._classified(evidence, before.classify)
         position = seen.world_from_crop[:3, 3]
-        return Updated(frames.frame, track.number, position, evidence, seen, probabilities), classify
+        updated = Updated(frames.frame, track.number, position, evidence, seen, probabilities, agreement)
+        return updated, TrackState(frames.frame, classify, record)
+
+    def _classified(self, evidence: Evidence, state: Any) -> tuple[Float32[np.ndarray, "label"] | None, Any]:
+        if self.classifier is None or not self.classifier.causal:
+            return None, state
+        with self.watch.stage("classify"):
+            logits, state = jax.block_until_ready(_classify(self.classifier, evidence, state))
+        return np.asarray(logits), state
 
     def _crops(self, seen: Observation) -> Crops:
         views = seen.views

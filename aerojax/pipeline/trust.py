@@ -1,0 +1,159 @@
+"""Whether an answer may be believed: enough frames, cameras that agree, a probability worth the word; else why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.reconstruct.consistency import Consistency
+from aerojax.reconstruct.disagreement import Disagreement, Suspect, slope, suspect
+
+_REMEMBERED = 5
+"""Places from which the velocity is taken, no older than `_RECENT_S` seconds."""
+_RECENT_S = 0.5
+
+Status = Literal["ok", "unsure", "insufficient"]
+"""ok: the label is the answer. unsure: it is the likeliest, no more. insufficient: too little was seen to say that."""
+ReasonCode = Literal["few-frames", "frames-dropped", "cameras-disagree", "low-probability"]
+"""Why an answer is not ok: the first two make it insufficient, the others unsure."""
+
+
+@dataclass(frozen=True)
+class TrustConfig:
+    """From when on an answer is believed.
+
+    least_frames: usable ones.
+    least_share: usable frames, of those in which a camera shows the object.
+    most_disagreement: `Disagreement.level` of cameras that agree.
+    least_probability: of the likeliest class; below it the label is wrong more often than right.
+    """
+
+    least_frames: int = 3
+    least_share: float = 0.5
+    most_disagreement: float = 1.5
+    least_probability: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What is remembered of one object to judge the answer by; its size does not grow.
+
+    used, unusable: frames, the second of those in which a camera shows the object.
+    sums: of the cameras' disagreement.
+    path: last moments and places, seconds and metres, rig's frame.
+    """
+
+    used: int
+    unusable: int
+    sums: Disagreement
+    path: tuple[tuple[float, Float64[np.ndarray, "3"]], ...] = ()
+
+    @staticmethod
+    def none(cameras: int) -> Record:
+        """Nothing seen yet."""
+        return Record(0, 0, Disagreement.none(cameras))
+
+    def unused(self) -> Record:
+        """One more frame that says nothing but that it could not be used."""
+        return replace(self, unusable=self.unusable + 1)
+
+    def seen(self, one: Consistency, time_s: float, place: Float64[np.ndarray, "3"], *, used: bool) -> Record:
+        """One more frame with its figures; `used` says whether the silhouettes meet."""
+        recent = tuple(entry for entry in self.path if time_s - entry[0] <= _RECENT_S)
+        path = (*recent, (time_s, place))[-_REMEMBERED:]
+        velocity = slope([moment for moment, _ in path], [where for _, where in path])
+        return Record(self.used + used, self.unusable + (not used), self.sums + Disagreement.of(one, velocity), path)
+
+    def __add__(self, later: Record) -> Record:
+        """Of an object that was lost in between."""
+        return Record(self.used + later.used, self.unusable + later.unusable, self.sums + later.sums, later.path)
+
+
+@dataclass(frozen=True)
+class Reason:
+    """One thing that speaks against an answer."""
+
+    code: ReasonCode
+    text: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an answer may be believed.
+
+    reasons: none where the status is ok.
+    disagreement: `Disagreement.level`. suspect: the camera that is wrong, where one can be told.
+    """
+
+    status: Status
+    reasons: tuple[Reason, ...]
+    disagreement: float
+    suspect: Suspect | None = None
+
+
+def judge(
+    record: Record,
+    cameras: Sequence[CaptureCamera],
+    log_probabilities: Float[np.ndarray, "label"] | None,
+    trust: TrustConfig,
+    *,
+    fps: float | None = None,
+) -> Verdict:
+    """The verdict on what is known so far, of a stream or of a whole clip.
+
+    Args:
+        record: of the object.
+        cameras: of the network, for their names.
+        log_probabilities: calibrated ones, of the last frame; None without a classifier.
+        trust: levels.
+        fps: says lateness in frames, too.
+    """
+    reasons = [*_too_little(record, trust)]
+    level, guess = record.sums.level, None
+    if level > trust.most_disagreement:
+        guess = suspect(record.sums)
+        reasons.append(Reason("cameras-disagree", _disagreement_text(record.sums, guess, cameras, fps)))
+    if log_probabilities is not None and (surest := float(np.exp(np.max(log_probabilities)))) < trust.least_probability:
+        text = f"the likeliest class has a probability of {surest:.2f}, less than {trust.least_probability:g}"
+        reasons.append(Reason("low-probability", text))
+    insufficient = any(reason.code in ("few-frames", "frames-dropped") for reason in reasons)
+    status: Status = "insufficient" if insufficient else "unsure" if reasons else "ok"
+    return Verdict(status, tuple(reasons), level, guess)
+
+
+def _too_little(record: Record, trust: TrustConfig) -> list[Reason]:
+    shown = record.used + record.unusable
+    if record.used < trust.least_frames:
+        return [Reason("few-frames", f"{record.used} usable frame(s), {trust.least_frames} are needed")]
+    if record.used < trust.least_share * shown:
+        text = f"only {record.used} of the {shown} frames that show the object could be used"
+        return [Reason("frames-dropped", text)]
+    return []
+
+
+def _disagreement_text(
+    sums: Disagreement, guess: Suspect | None, cameras: Sequence[CaptureCamera], fps: float | None
+) -> str:
+    if guess is None:
+        most = _most(sums, cameras)
+        return f"the cameras disagree about where the object is{most}, and it cannot be told which of them is wrong"
+    turned = f"turned by about {guess.turn_deg:.1f}° (or {guess.offset_m:.2g} m out of place)"
+    in_frames = "" if fps is None else f", {abs(guess.late_s) * fps:.1f} frames,"
+    clock = f"clock is about {1e3 * abs(guess.late_s):.0f} ms{in_frames} {'late' if guess.late_s > 0 else 'early'}"
+    why = {"turn": f"it is {turned}", "clock": f"its {clock}", "either": f"its {clock}, or it is {turned}"}
+    name, off = cameras[guess.camera].name, f"{guess.offset_m:.2g} m at the object, {guess.offset_px:.1f} pixels"
+    return f"camera {name} disagrees with the others by {off}; most likely {why[guess.cause]}"
+
+
+def _most(sums: Disagreement, cameras: Sequence[CaptureCamera]) -> str:
+    shift = sums.mean_shift
+    if not np.isfinite(shift).any():
+        return ""
+    camera = int(np.nanargmax(shift))
+    pixels = shift[camera] / sums.mean_pixel[camera]
+    return f", {cameras[camera].name} most ({shift[camera]:.2g} m, {pixels:.1f} pixels)"
