@@ -56,7 +56,8 @@ def _check_times(video: VideoReader, clock: Clock, offset_s: float, field: str, 
     wanted = f"the capture {clock.frames} frames at {clock.fps:g} a second"
     if clock.refuse:
         asked = np.arange(clock.frames) / clock.fps - offset_s
-        asked = asked[asked > -0.5 / clock.fps]  # before that the camera was not recording
+        # Before its first frame and behind its last one the camera was not recording.
+        asked = asked[(asked > -0.5 / clock.fps) & (asked < (clock.frames - 0.5) / clock.fps)]
         times = video.times()
         shown = np.count_nonzero(pictures_near(times, asked, 0.5 / clock.fps))
         if shown < len(asked):
@@ -65,6 +66,6 @@ def _check_times(video: VideoReader, clock: Clock, offset_s: float, field: str, 
         return
     count, rate = video.frame_count(), video.fps or clock.fps
     slow = clock.fps * (1 - _SAME_RATE) > rate
-    if slow or count / rate + offset_s < (clock.frames - 0.5) / clock.fps:
+    if slow or count / rate + max(offset_s, 0.0) < (clock.frames - 0.5) / clock.fps:
         message = f"has {count} frames at {rate:g} a second, {wanted}"
         found.warn(field, message, "the camera is left out of frames that it has no picture of", file=name)
