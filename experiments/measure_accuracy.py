@@ -77,20 +77,20 @@ def _figures(config: Config, answers: Mapping[Path, AnsweredClips]) -> dict[str,
 
 
 def _table(figures: Mapping[str, Any]) -> Table:
-    table = Table("clips", "number", "missing", "identities", "accuracy", "95 %", "ECE", *CLASSES)
-    ends = [
-        (f"{name} {row['low']:g}…{row['high'] or np.inf:g}", row)
-        for name in ("width_px", "distance_m")
-        for row in figures[name]
-    ]
-    groups = [("all", figures["all"]), *figures["folders"].items(), *figures["rigs"].items(), *ends]
+    """Short enough for 80 columns; results.json has everything."""
+    table = Table("clips of", "number", "lost", "of", "%", "95 %", "ECE", "recall")
+    folders = {Path(name).name: row for name, row in figures["folders"].items()}
+    rigs = {name: row for name, row in figures["rigs"].items() if name not in folders}
+    groups = [("all", figures["all"]), *folders.items(), *rigs.items()]
+    for name, unit in (("width_px", "px"), ("distance_m", "m")):
+        groups += [(f"{row['low']:g}…{row['high'] or np.inf:g} {unit}", row) for row in figures[name]]
     groups += [("64 to 280 m", row) for row in figures["distance_64_to_280_m"]]
     for name, row in groups:
-        shares = [row["accuracy"], *row["interval_95"], *row["recall"]]
-        mean, low, high, *recall = ("-" if share is None else f"{100 * share:.1f}" for share in shares)
-        ece = "-" if row["ece"] is None else f"{row['ece']:.3f}"
+        low, high = row["interval_95"]
+        ece = "-" if row["ece"] is None else f"{row['ece']:.2f}"
+        recall = " ".join("-" if share is None else f"{100 * share:.0f}" for share in row["recall"])
         counts = (str(row[key]) for key in ("clips", "missing", "identities"))
-        table.add_row(Path(name).name, *counts, mean, f"{low} … {high}", ece, *recall)
+        table.add_row(name, *counts, f"{100 * row['accuracy']:.1f}", f"{100 * low:.0f}…{100 * high:.0f}", ece, recall)
     return table
 
 
@@ -101,8 +101,9 @@ def main(config: Config, run: Run) -> None:
         raise UserError("missing", "tests is empty", "name folders of clips, such as tests=[data/clips_small/sim1]")
     console, figures = Console(), _figures(config, _answers(config))
     console.print(_table(figures))
+    console.print(f"lost: sequences without a clip, wrong; of: individuals; recall: of {', '.join(CLASSES)}, %")
     notes = {"device": jax.devices()[0].device_kind, "command": run.command, "seed": config.seed, "classes": CLASSES}
-    notes |= {"weights": str(config.weights), "date": datetime.now(UTC).isoformat(timespec="seconds")}
+    notes |= {"weights": str(config.weights or "shipped"), "date": datetime.now(UTC).isoformat(timespec="seconds")}
     write_json(run.directory / "results.json", {**figures, **notes, **provenance(run.overrides)})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 
