@@ -1,4 +1,4 @@
-"""`eval_rotation` and `measure_drift` at their smallest, on random clips and an untrained classifier."""
+"""Acts that measure a classifier at their smallest, on random clips and an untrained classifier."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from aerojax.classify.load import save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.types import CLASSES
 from aerojax.data.clips import save_clip
-from experiments import eval_rotation, measure_drift
+from experiments import eval_rotation, measure_accuracy, measure_cost, measure_drift, measure_robustness
 
 
 @pytest.fixture(scope="module")
@@ -57,3 +57,42 @@ def test_drift_of_a_file_and_of_an_untrained_model(place, monkeypatch, capsys):
         assert row["variant"] == "exact" and row["rotation"]["largest_drift"] < 1e-4
         assert row["rotation_double"]["largest_drift"] < 1e-10
     assert "drift/results.json" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_accuracy_of_folders(place, monkeypatch, capsys):
+    where = (f"tests=[{place}/rig]", "also=[]", f"hydra.run.dir={place}/accuracy")
+    run_command(measure_accuracy, monkeypatch, "preset=smoke", f"weights={place}/weights.safetensors", *where)
+    found = json.loads((place / "accuracy/results.json").read_text())
+    assert found["all"] == found["folders"][f"{place}/rig"] == found["rigs"]["rig"]
+    assert (found["all"]["clips"], found["all"]["identities"], found["all"]["missing"]) == (4, 4, 0)
+    assert found["width_px"] == [] and found["command"].startswith("python -m experiments.measure_accuracy")
+    assert "accuracy/results.json" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_cost_of_members_and_modes(place, monkeypatch):
+    weights = place / "weights.safetensors"
+    run_command(measure_cost, monkeypatch, "preset=smoke", f"weights=[{weights}]", f"hydra.run.dir={place}/cost")
+    found = json.loads((place / "cost/results.json").read_text())
+    assert [row["name"] for row in found["members"]] == ["shipped", str(weights), "untrained views"]
+    assert found["members"][0]["accuracy"] > 0.5 and found["members"][1]["accuracy"] is None
+    assert [row["mode"] for row in found["rows"]] == ["C"] and found["rows"][0]["latency_ms"] > 0
+
+
+@pytest.mark.slow
+def test_robustness_goes_on_with_its_clips(place, monkeypatch, capsys):
+    few = ("factory.pipeline.crop_size=64", "curves.calibration_deg=[0]", "curves.width_px=[]", "curves.cameras=[3]")
+    fewer = ("curves.clock_ms=[]", "curves.mask_growth=[-90]", "curves.combined=[]", "workers=1")
+    where = (f"weights={place}/weights.safetensors", f"folder={place}/levels", f"hydra.run.dir={place}/robustness")
+    run_command(measure_robustness, monkeypatch, "preset=smoke", *few, *fewer, *where)
+    found = json.loads((place / "robustness/results.json").read_text())
+    rows = {(row["factor"], row["value"]): row for row in found["rows"]}
+    assert set(rows) == {("ideal", 0.0), ("calibration_deg", 0.0), ("mask_growth", -90.0), ("cameras", 3.0)}
+    assert rows["mask_growth", -90.0]["undrawn"] == 1.0 and rows["mask_growth", -90.0]["accuracy"] == 0.0
+    assert rows["calibration_deg", 0.0]["difference"] == 0.0 and rows["ideal", 0.0]["clips"] == 4
+    assert "| mask dilated" in (place / "robustness/table.md").read_text()
+    assert (place / "robustness/curves.svg").read_text().startswith("<svg")
+    times = {path: path.stat().st_mtime_ns for path in (place / "levels").rglob("*.npz")}
+    run_command(measure_robustness, monkeypatch, "preset=smoke", *few, *fewer, *where)
+    assert {path: path.stat().st_mtime_ns for path in (place / "levels").rglob("*.npz")} == times
