@@ -17,7 +17,8 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import Clip, reconstruct_capture
-from aerojax.pipeline.results import result_of
+from aerojax.pipeline.results import headline, result_of
+from aerojax.pipeline.trust import TrustConfig
 from aerojax.simulate.sample import SampleConfig, sample_capture
 from aerojax.view.report.gather import Answer, classification_report
 from aerojax.view.report.page import write_report
@@ -33,6 +34,7 @@ class Config:
     object: instance id in the masks; the largest object if None.
     weights: of a trained classifier; the shipped ones if None.
     assets: where the simulated identity's stage lies.
+    trust: from when on the answer is believed.
     """
 
     preset: str
@@ -42,10 +44,11 @@ class Config:
     weights: Path | None = None
     assets: Path = Path("data/assets")
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    trust: TrustConfig = field(default_factory=TrustConfig)
     sample: SampleConfig = field(default_factory=SampleConfig)
 
 
-def _answer(capture: Capture, clip: Clip, truth: str | None) -> Answer:
+def _answer(clip: Clip, result: dict[str, Any], truth: str | None) -> Answer:
     assert clip.log_probabilities is not None  # there was a classifier
     return Answer(
         observations=clip.observations,
@@ -55,11 +58,14 @@ def _answer(capture: Capture, clip: Clip, truth: str | None) -> Answer:
         dropped={event.frame: event.text for event in clip.dropped},
         latency_ms=clip.latency_ms,
         truth=truth,
+        sure=result["status"] == "ok",
+        reasons=[reason["text"] for reason in result["reasons"]],
+        agreement=result["cameras"],
     )
 
 
 def _show(console: Console, result: dict[str, Any], capture: Capture, truth: str | None) -> None:
-    console.print(f"{capture.folder.name}: [bold]{result['label']}[/bold]", soft_wrap=True)
+    console.print(f"{capture.folder.name}: [bold]{escape(headline(result))}[/bold]", soft_wrap=True)
     table = Table("class", "probability")
     for name, value in sorted(result["probabilities"].items(), key=lambda item: -item[1]):
         table.add_row(name, f"{value:.4f}")
@@ -68,7 +74,7 @@ def _show(console: Console, result: dict[str, Any], capture: Capture, truth: str
     for name, value in result["latency_ms"].items():
         spent.add_row(name, f"{value:.1f}")
     console.print(spent)
-    known = "" if truth is None else f"; truth: {truth}, {'right' if truth == result['label'] else 'wrong'}"
+    known = "" if truth is None else f"; truth: {truth}, {'right' if truth == result['most_likely'] else 'wrong'}"
     console.print(f"frames used: {len(result['frames'])} of {capture.frames}, cameras: {len(capture.cameras)}{known}")
     reasons = {frame: event["text"] for frame, event in result["dropped"].items()}
     for reason in sorted(set(reasons.values())):
@@ -91,12 +97,13 @@ def main(config: Config, run: Run) -> None:
             classifier,
             key=jax.random.key(config.seed),
             object_id=config.object,
+            trust=config.trust,
             progress=lambda done, total, what: bar.update(task, completed=done, description=what),
             keep_observations=True,
         )
     truth = capture.true_class(config.object)
-    answer = _answer(capture, clip, truth)
     result = result_of(capture, clip)
+    answer = _answer(clip, result, truth)
     write_json(run.directory / "result.json", result)
     write_report(run.directory / "report.html", classification_report(capture, answer))
     console = Console()

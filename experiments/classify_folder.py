@@ -22,6 +22,8 @@ from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import reconstruct_capture
+from aerojax.pipeline.results import result_of
+from aerojax.pipeline.trust import TrustConfig
 from experiments._launch.batches import end_batch, failure, find_captures
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
@@ -33,6 +35,7 @@ class Config:
 
     captures: folder with capture folders anywhere below it.
     weights: of a trained classifier; the shipped ones if None.
+    trust: from when on an answer is believed.
     """
 
     preset: str
@@ -40,35 +43,35 @@ class Config:
     captures: Path
     weights: Path | None = None
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    trust: TrustConfig = field(default_factory=TrustConfig)
 
 
 def classify_one(folder: Path, config: Config, classifier: Trainable) -> tuple[dict[str, Any], np.ndarray]:
-    """Truth, label, probabilities and frames used of one capture; and its log-probabilities."""
+    """Truth, answer with its status, probabilities and frames used of one capture; and its log-probabilities."""
     capture = read_capture(folder)
     truth = capture.true_class(None)
-    clip = reconstruct_capture(capture, config.pipeline, classifier, key=jax.random.key(config.seed))
+    key = jax.random.key(config.seed)
+    clip = reconstruct_capture(capture, config.pipeline, classifier, key=key, trust=config.trust)
     assert clip.log_probabilities is not None  # there was a classifier
     last = clip.log_probabilities[-1]
-    row = {
-        "truth": truth,
-        "label": CLASSES[int(np.argmax(last))],
-        "probabilities": dict(zip(CLASSES, np.exp(last).tolist(), strict=True)),
-        "frames": [len(clip.frames), capture.frames],
-    }
-    return row, last
+    result = result_of(capture, clip)
+    answer = {name: result[name] for name in ("status", "reasons", "label", "most_likely", "probabilities")}
+    return {"truth": truth, **answer, "frames": [len(clip.frames), capture.frames]}, last
 
 
 def show(console: Console, rows: list[dict[str, Any]], figures: dict[str, Any]) -> None:
     """The table, and every capture that was not classified with its reason."""
-    table = Table("capture", "truth", "label", "probability", "frames")
+    table = Table("capture", "truth", "most likely", "status", "probability", "frames")
     for row in rows:
         if "error" not in row:
             surest = max(row["probabilities"].values())
             used, all_frames = row["frames"]
-            cells = (row["truth"] or "-", row["label"], f"{surest:.3f}", f"{used}/{all_frames}")
+            cells = (row["truth"] or "-", row["most_likely"], row["status"], f"{surest:.3f}", f"{used}/{all_frames}")
             table.add_row(escape(row["capture"]), *cells)
     console.print(table)
     for row in rows:
+        for reason in row.get("reasons", ()):
+            console.print(f"{row['capture']}: {row['status']}: {reason['text']}", soft_wrap=True, markup=False)
         if "error" in row:
             console.print(f"{row['capture']}: not classified: {row['error']['text']}", soft_wrap=True, markup=False)
     if figures:

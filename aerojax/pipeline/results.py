@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,8 @@ import numpy as np
 from aerojax.capture.format import Capture
 from aerojax.core.types import CLASSES
 from aerojax.pipeline.offline import Clip
+
+_FIGURES = ("ray_px", "ray_m", "shift_px", "shift_m", "uncovered")
 
 
 def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
@@ -19,24 +23,70 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         clip: of it, from a classifier.
 
     Returns:
-        label and probabilities after the last frame; frames that were used, and those that were dropped with code and
-        text; by camera, the frames that it was left out of, and why; what the masks hold ("ids", "picture" or None);
-        warnings; positions in metres, world; median milliseconds a stage.
+        status ("ok", "unsure", "insufficient") with its reasons; label, None unless the status is ok; the most likely
+        class and the probabilities after the last frame; level of the cameras' disagreement, and how well each agrees,
+        see `agreement_of`; frames that were used, and those that were dropped with code and text; by camera, the frames
+        that it was left out of, and why; what the masks hold ("ids", "picture" or None); warnings; positions in metres,
+        world; median milliseconds a stage.
     """
     assert clip.log_probabilities is not None  # there was a classifier
     probabilities = dict(zip(CLASSES, np.exp(clip.log_probabilities[-1]).tolist(), strict=True))
+    most_likely = max(probabilities, key=lambda name: probabilities[name])
     return {
         "capture": str(capture.folder),
-        "label": max(probabilities, key=lambda name: probabilities[name]),
+        "status": clip.verdict.status,
+        "reasons": [{"code": reason.code, "text": reason.text} for reason in clip.verdict.reasons],
+        "label": most_likely if clip.verdict.status == "ok" else None,
+        "most_likely": most_likely,
         "probabilities": probabilities,
         "frames": list(clip.frames),
         "dropped": {str(event.frame): {"code": event.code, "text": event.text} for event in clip.dropped},
         "missing": {camera.name: _missing(clip, index) for index, camera in enumerate(capture.cameras)},
+        "disagreement": clip.verdict.disagreement,
+        "cameras": agreement_of(capture, clip),
         "masks": capture.mask_kind,
         "warnings": list(clip.warnings),
         "latency_ms": clip.latency_ms,
         "track": [{"frame": f, "position": p} for f, p in zip(clip.frames, clip.position.tolist(), strict=True)],
     }
+
+
+def agreement_of(capture: Capture, clip: Clip) -> dict[str, dict[str, Any]]:
+    """How well each camera agrees with the others: medians over the frames used, and under `frames` every frame's.
+
+    ray_px, ray_m, shift_px, shift_m and uncovered are those of `Consistency`, None where nothing is known. suspect: the
+    likely cause, turned degrees, seconds late, and the offset of the camera that is wrong; None for the others.
+    """
+    found = {}
+    for index, camera in enumerate(capture.cameras):
+        by_frame = {name: _over_time(clip, name, index) for name in _FIGURES}
+        medians = {name: _median(values) for name, values in by_frame.items()}
+        guess = clip.verdict.suspect
+        suspect = asdict(guess) if guess is not None and guess.camera == index else None
+        frames = {name: [_plain(value) for value in values] for name, values in by_frame.items()}
+        found[camera.name] = {**medians, "suspect": suspect, "frames": frames}
+    return found
+
+
+def headline(result: Mapping[str, Any]) -> str:
+    """The answer in one line: a label, or that it is not sure, and why."""
+    if result["status"] == "ok":
+        return result["label"]
+    why = "; ".join(reason["text"] for reason in result["reasons"])
+    return f"not sure (most likely {result['most_likely']}): {why}"
+
+
+def _over_time(clip: Clip, name: str, camera: int) -> np.ndarray:
+    return np.array([getattr(one, name)[camera] for one in clip.consistency])
+
+
+def _median(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return _plain(float(np.median(known))) if len(known) else None
+
+
+def _plain(value: float) -> float | None:
+    return round(float(value), 5) if np.isfinite(value) else None
 
 
 def _missing(clip: Clip, camera: int) -> dict[str, str]:

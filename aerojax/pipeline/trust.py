@@ -27,6 +27,13 @@ ReasonCode = Literal["few-frames", "frames-dropped", "cameras-disagree", "low-pr
 class TrustConfig:
     """From when on an answer is believed.
 
+    Measured on 71 clips of 8 frames of held-out individuals from the factory: 3 to 6 cameras at 3 to 60 m, objects of
+    20 to 160 pixels. With turns of 0.1°, clocks of 5 ms and 5 mm, no clip is called inconsistent of the 48 where 0.1°
+    is less than 4 % of the object's size, and 8 of all. One camera that is wrong besides, by 0.5° to 2°, 0.1 to 0.3 m
+    or 1 to 3 frames, is noticed in every clip if it displaces the object by more than 30 % of its size, in 86 % at 20
+    to 30 %, in 60 % at 10 to 20 %. Of what is noticed, a camera is named in 80 %, in 97 % of these the right one; half
+    of the offsets are told to 10 %.
+
     least_frames: usable ones.
     least_share: usable frames, of those in which a camera shows the object.
     most_disagreement: `Disagreement.level` of cameras that agree.
@@ -35,7 +42,7 @@ class TrustConfig:
 
     least_frames: int = 3
     least_share: float = 0.5
-    most_disagreement: float = 1.5
+    most_disagreement: float = 1.3
     least_probability: float = 0.5
 
 

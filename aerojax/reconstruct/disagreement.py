@@ -33,8 +33,9 @@ _EXPLAINED = 0.5
 """Share of the sum of squares that one camera's fault leaves at most, for that camera to be named."""
 _NEXT = 2.0
 """And how many times as much the next likely camera's leaves at least. `TrustConfig` says how often names are right."""
-_ALIKE = 2.5
-"""A clock that leaves so many times as much as a turn may still be the cause: it has one parameter, not two."""
+_CLOCK, _ALIKE = 1.4, 2.5
+"""A clock is the cause where it leaves up to so many times as much as a turn, which has one parameter more; up to the
+second it cannot be told. Measured as in `TrustConfig`: clocks leave 0.8 to 1.7 times as much, turns 3 to 200 times."""
 _PARAMETERS = {"turn": [0, 1], "clock": [2], "both": [0, 1, 2]}
 
 Cause = Literal["turn", "clock", "either"]
@@ -45,8 +46,9 @@ Cause = Literal["turn", "clock", "either"]
 class Disagreement:
     """Sums over the frames of one object; those of two sets of frames add up with `+`.
 
-    frames: that were added. rows: of the fit. squares: of the whitened rows.
-    normal, right: of each camera's (α, τ).
+    frames: that were added. rows, squares: of all of them, whitened.
+    normal, right, moving: of each camera's (α, τ), and squares, in frames whose velocity is known: the others say
+        nothing of clocks and would speak for turns.
     shift, shifts: sum of each camera's shift, metres, and how many are known.
     size: sum of the object's sizes, metres.
     distance, pixel: sums of each camera's distance, and of what its pixels are worth at the object, metres.
@@ -58,6 +60,7 @@ class Disagreement:
     squares: float
     normal: Float64[np.ndarray, "camera 3 3"]
     right: Float64[np.ndarray, "camera 3"]
+    moving: float
     shift: Float64[np.ndarray, "camera"]
     shifts: Float64[np.ndarray, "camera"]
     size: float
@@ -70,7 +73,7 @@ class Disagreement:
         """Nothing seen yet."""
         zeros = np.zeros(cameras)
         tables = np.zeros((cameras, 3, 3)), np.zeros((cameras, 3))
-        return Disagreement(0, 0, 0.0, *tables, zeros, zeros, 0.0, zeros, zeros, zeros)
+        return Disagreement(0, 0, 0.0, *tables, 0.0, zeros, zeros, 0.0, zeros, zeros, zeros)
 
     @staticmethod
     def of(one: Consistency, velocity: Float64[np.ndarray, "3"] | None) -> Disagreement:
@@ -78,17 +81,18 @@ class Disagreement:
 
         Args:
             one: its figures.
-            velocity: of the object, metres a second, rig's axes; None where it is not known, which tells nothing of
-                clocks.
+            velocity: of the object, metres a second, rig's axes; None where it is not known.
         """
         lines, known = one.lines, np.isfinite(one.shift_m)
         design, values = _rows(one, np.zeros(3) if velocity is None else velocity)
+        fitted = float(velocity is not None)
         return Disagreement(
             frames=1,
             rows=len(values),
             squares=float(values @ values),
-            normal=np.einsum("rck,rcl->ckl", design, design),
-            right=np.einsum("rck,r->ck", design, values),
+            normal=fitted * np.einsum("rck,rcl->ckl", design, design),
+            right=fitted * np.einsum("rck,r->ck", design, values),
+            moving=fitted * float(values @ values),
             shift=np.where(known, one.shift_m, 0.0),
             shifts=known.astype(np.float64),
             size=lines.size,
@@ -136,16 +140,19 @@ class Suspect:
 
 
 def suspect(sums: Disagreement) -> Suspect | None:
-    """The camera that is wrong, if one explains the disagreement and no other does nearly as well; else None."""
+    """The camera that is wrong, if one explains the disagreement and no other does nearly as well; else None.
+
+    Takes two frames: of one alone nothing is told.
+    """
     cameras = np.flatnonzero(sums.seen)
-    if len(cameras) < 3:
+    if len(cameras) < 3 or sums.moving == 0:
         return None
     left = {int(camera): _fit(sums, int(camera), "both")[0] for camera in cameras}
     first, second = sorted(left, key=lambda camera: left[camera])[:2]
-    if left[first] > _EXPLAINED * sums.squares or left[second] < _NEXT * left[first]:
+    if left[first] > _EXPLAINED * sums.moving or left[second] < _NEXT * left[first]:
         return None
     (turned, turn), (delayed, late) = _fit(sums, first, "turn"), _fit(sums, first, "clock")
-    cause: Cause = "clock" if delayed < turned else "either" if delayed < _ALIKE * turned else "turn"
+    cause: Cause = "clock" if delayed < _CLOCK * turned else "either" if delayed < _ALIKE * turned else "turn"
     angle = float(np.linalg.norm(turn))
     offset = angle * float(sums.distance[first] / sums.seen[first])
     return Suspect(
@@ -161,7 +168,7 @@ def _fit(
     expected = np.array([np.deg2rad(_TURN_DEG)] * 2 + [_LATE_S])[kept]
     normal = sums.normal[camera][np.ix_(kept, kept)] + np.diag(expected**-2.0)
     fault = np.linalg.solve(normal, sums.right[camera][kept])
-    return sums.squares - float(sums.right[camera][kept] @ fault), fault
+    return sums.moving - float(sums.right[camera][kept] @ fault), fault
 
 
 def _rows(

@@ -47,7 +47,7 @@ def _reconstruct(place: Path, patch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(scope="module")
 def trained(place, clips, monkeymodule) -> Path:
     """The run directory of `train_classifier` on those clips."""
-    where = (f"clips=[{clips}]", "also_test=[]", f"hydra.run.dir={place}/train")
+    where = (f"clips=[{clips}]", "tests=[]", "also_test=[]", f"hydra.run.dir={place}/train")
     run_command(train_classifier, monkeymodule, "preset=smoke", *where)
     return place / "train"
 
@@ -102,7 +102,8 @@ def test_the_sample_is_classified_with_those_weights(trained, place, monkeypatch
     run_command(classify, monkeypatch, "preset=smoke", f"weights={trained}/weights.safetensors", *where)
     result = json.loads((place / "classify/result.json").read_text())
     assert set(result["probabilities"]) == set(CLASSES)
-    assert result["label"] == max(result["probabilities"], key=result["probabilities"].get)
+    assert result["most_likely"] == max(result["probabilities"], key=result["probabilities"].get)
+    assert (result["label"] is None) == (result["status"] != "ok") == bool(result["reasons"])
     assert len(result["frames"]) + len(result["dropped"]) == 4
     truth = json.loads((Path(result["capture"]) / "truth.json").read_text())["objects"][0]["frames"]
     for row in result["track"]:

@@ -48,15 +48,36 @@ class FrameReport:
     position: Float[np.ndarray, "3"]
 
 
+@dataclass(frozen=True)
+class CameraAgreement:
+    """How well one camera agrees with the others, medians over the frames; None where nothing is known.
+
+    camera: its name.
+    shift_px, shift_m: of its outlines. ray_px, ray_m: of its central ray. uncovered: share of its silhouette, 0..1.
+    suspect: whether it is the one that is wrong.
+    """
+
+    camera: str
+    shift_px: float | None
+    shift_m: float | None
+    ray_px: float | None
+    ray_m: float | None
+    uncovered: float | None
+    suspect: bool
+
+
 @dataclass(frozen=True, eq=False)
 class ClassificationReport:
     """All that the page shows.
 
-    title: name of the capture. label: the answer. truth: the right answer where it is known.
+    title: name of the capture. label: the likeliest class, the answer where `sure`.
+    truth: the right answer where it is known.
     probabilities: final ones, 0..1, by class name.
     frames: the frames used, ascending. dropped: reason by frame number.
     latency_ms: wall time by stage, milliseconds, in the pipeline's order.
     notes: sentences to show at the end.
+    sure: whether the label may be believed; if not, `reasons` say why.
+    agreement: of the cameras.
     """
 
     title: str
@@ -67,3 +88,6 @@ class ClassificationReport:
     dropped: Mapping[int, str]
     latency_ms: Mapping[str, float]
     notes: tuple[str, ...] = ()
+    sure: bool = True
+    reasons: tuple[str, ...] = ()
+    agreement: tuple[CameraAgreement, ...] = ()

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.core.types import CLASSES, SH_C0, Gaussians, Observation
-from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport
+from aerojax.view.report.content import CameraAgreement, CameraCrop, ClassificationReport, FrameReport
 
 SHOWN_POINTS = 1024
 """Points of a frame's cloud that the page draws; enough for a shape, few enough for a small file."""
@@ -27,6 +28,8 @@ class Answer:
     dropped: sentences by the number of each frame that could not be used.
     latency_ms: milliseconds a frame, per stage.
     truth: the true class where it is known.
+    sure: whether the likeliest class is the answer. reasons: sentences why not.
+    agreement: of the cameras by name, see `pipeline.results.agreement_of`.
     """
 
     observations: Sequence[Observation]
@@ -36,6 +39,9 @@ class Answer:
     dropped: Mapping[int, str]
     latency_ms: dict[str, float]
     truth: str | None
+    sure: bool = True
+    reasons: Sequence[str] = ()
+    agreement: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
 def classification_report(capture: Capture, answer: Answer) -> ClassificationReport:
@@ -62,7 +68,15 @@ def classification_report(capture: Capture, answer: Answer) -> ClassificationRep
         dropped=dict(answer.dropped),
         latency_ms=answer.latency_ms,
         notes=tuple(notes),
+        sure=answer.sure,
+        reasons=tuple(answer.reasons),
+        agreement=tuple(_agreement(name, figures) for name, figures in answer.agreement.items()),
     )
+
+
+def _agreement(name: str, figures: Mapping[str, Any]) -> CameraAgreement:
+    names = ("shift_px", "shift_m", "ray_px", "ray_m", "uncovered")
+    return CameraAgreement(name, *(figures[one] for one in names), suspect=figures["suspect"] is not None)
 
 
 def _crops(cameras: Sequence[CaptureCamera], seen: Observation) -> tuple[CameraCrop, ...]:

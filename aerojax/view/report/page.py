@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from aerojax.core.files import write_text
+from aerojax.view.report.agreement import agreement_table
 from aerojax.view.report.content import ClassificationReport, FrameReport
 from aerojax.view.report.player import MOST_FRAMES, as_script, camera_names, player_data, plot_step, shown_frames
 from aerojax.view.svg import curves, height_curve, top_view
@@ -33,6 +34,7 @@ def write_report(path: Path, report: ClassificationReport) -> None:
         "plots": _plots(report),
         "latency": _latency_table(report.latency_ms),
         "dropped": _dropped(report),
+        "agreement": agreement_table(report.agreement),
         "notes": "".join(f"<p>{html.escape(note)}</p>" for note in (*report.notes, *_thinning(report, shown))),
         "data": as_script(player_data(report, shown)),
     }
@@ -48,12 +50,18 @@ def _thinning(report: ClassificationReport, shown: Sequence[FrameReport]) -> lis
 def _verdict(report: ClassificationReport) -> str:
     confidence = report.probabilities.get(report.label)
     sure = "" if confidence is None else f'<span class="sure">{100 * confidence:.1f} %</span>'
-    answer = f'<p class="label">{html.escape(report.label)} {sure}</p>'
+    answer = f'<p class="label">{html.escape(report.label)} {sure}</p>' if report.sure else _not_sure(report, sure)
     if report.truth is None:
         return answer
     right = report.truth == report.label
     kind, mark = ("right", "✓ correct") if right else ("wrong", "✗ wrong")
     return f'{answer}<p class="truth {kind}">{mark} · truth: {html.escape(report.truth)}</p>'
+
+
+def _not_sure(report: ClassificationReport, sure: str) -> str:
+    reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in report.reasons)
+    likely = f'<p class="quiet">most likely {html.escape(report.label)} {sure}</p>'
+    return f'<p class="label">not sure</p>{likely}<ul class="doubts">{reasons}</ul>'
 
 
 def _bars(report: ClassificationReport) -> str:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from aerojax.view.report.content import CameraCrop, ClassificationReport, FrameReport
+from aerojax.view.report.content import CameraAgreement, CameraCrop, ClassificationReport, FrameReport
 from aerojax.view.report.page import write_report
 
 HOSTILE = '<script>alert("1")</script>&\'[[data]]'
@@ -111,6 +111,22 @@ def test_wrong_and_unknown_truth(tmp_path):
     assert "correct" not in unknown and "wrong" not in unknown
 
 
+def test_an_unsure_answer_is_no_label(tmp_path):
+    agreement = (
+        CameraAgreement("cam_01", 0.31, 0.004, 1.2, 0.016, 0.02, suspect=False),
+        CameraAgreement("cam_02", 9.04, 0.12, 11.5, 0.153, None, suspect=True),
+    )
+    report = make_report((make_frame(0),), sure=False, reasons=("camera cam_02 disagrees",), agreement=agreement)
+    _, page = write(tmp_path, report)
+    words = [text for _, text in page.texts]
+    assert words.index("not sure") < words.index("camera cam_02 disagrees") < words.index("cam_01")
+    assert "most likely drone" in page.visible() and "drone" not in words[: words.index("not sure")]
+    assert words.count("disagrees") == 1 and words[words.index("disagrees") - 1].strip() == "cam_02"
+    for figure in ("0.3 px, 0.004 m", "9.0 px, 0.120 m", "2 %", "–"):
+        assert figure in words, figure
+    assert "not sure" not in write(tmp_path, make_report((make_frame(0),)))[1].visible()
+
+
 def test_page_needs_nothing_from_outside(tmp_path):
     text, page = write(tmp_path, make_report((make_frame(0), make_frame(1))))
     text = re.sub(r"base64,[A-Za-z0-9+/=]+", "", text)
@@ -134,11 +150,15 @@ def test_every_text_is_escaped(tmp_path):
         dropped={1: HOSTILE},
         latency_ms={HOSTILE: 1.0},
         notes=(HOSTILE,),
+        sure=False,
+        reasons=(HOSTILE,),
+        agreement=(CameraAgreement(HOSTILE, None, None, None, None, None, suspect=True),),
     )
     text, page = write(tmp_path, report)
     assert "<script>alert" not in text
     assert [tag for tag, _ in page.elements].count("script") == 2
-    assert page.visible().count(HOSTILE) == 10  # title twice; label, truth, bar, camera, legend, reason, stage, note
+    assert page.visible().count(HOSTILE) == 12
+    # Title twice; label, truth, bar, camera, legend, dropped frame's reason, stage, note, doubt, agreement.
     assert page.data()["cameras"] == [HOSTILE, "b"]
 
 
