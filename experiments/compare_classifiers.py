@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from aerojax.classify.base import Classifier, parameter_count, with_card
+from aerojax.classify.base import Classifier, ClassifierConfig, parameter_count, with_card
 from aerojax.classify.load import load_classifier
+from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.data.windows import Windows, read_windows
@@ -46,10 +47,12 @@ class Config(ClassifierTraining):
     """A training run and how its weights are tested.
 
     classifier: name of the row in the table, an option of conf/classifier.
+    model: MambaSplat, whose features and bridges are compared.
     test: the same for every classifier, whatever it was trained on.
     """
 
     classifier: str
+    model: ClassifierConfig = field(default_factory=MambaSplatConfig)
     test: WindowTrials = field(default_factory=WindowTrials)
 
 

@@ -52,7 +52,7 @@ class Config:
 def _models(config: Config) -> dict[str, Trainable]:
     models = {str(path): load_classifier(path) for path in config.model}
     if not models and not config.mode:
-        shipped = load_classifier()
+        shipped = load_classifier(Path("mambasplat"))
         models = {shipped.card.name: shipped}
     for mode in config.mode:
         exact = config.variant == "exact"

@@ -50,8 +50,8 @@ def test_config_fits(name, preset):
 
 @pytest.mark.parametrize("preset", ["smoke", "small", "full"])
 def test_clips_hold_the_tokens_that_training_takes(preset):
-    """`train_classifier preset=full` asked for twice as many as `reconstruct_dataset preset=full` kept."""
-    kept = values_of("reconstruct_dataset", f"preset={preset}")
+    """`train_classifier preset=full` once asked for twice as many as its clips had."""
+    kept = values_of("generate_clips", f"preset={preset}")
     taken = values_of("train_classifier", f"preset={preset}")
     assert taken["variation"]["tokens"] <= kept["tokens"]
     assert all(folder.startswith(kept["folder"]) for folder in taken["clips"])

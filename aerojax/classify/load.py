@@ -19,8 +19,8 @@ from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes
 
 CARD_KEY = "card"
-PRETRAINED = "mambasplat_ex_small.safetensors"
-"""The weights in `aerojax/classify/pretrained` that are used where none are named."""
+SHIPPED = {"views": "views_small.safetensors", "mambasplat": "mambasplat_small.safetensors"}
+"""Weights in `aerojax/classify/pretrained` by name; the first ones are used where none are named."""
 
 
 def save_classifier(path: Path, classifier: Trainable) -> None:
@@ -38,14 +38,15 @@ def load_classifier(path: Path | None = None) -> Trainable:
     """Read a classifier that `save_classifier` wrote.
 
     Args:
-        path: the weights; those that come with the package if None.
+        path: the weights; a name of `SHIPPED` for those that come with the package, None for the first of them.
 
     Raises:
         UserError: the file is absent or broken; its header has no card, or one that lacks a field or contradicts
             itself; or names every tensor that is missing, unknown, of another shape or type, or not finite.
     """
-    if path is None:
-        with as_file(files("aerojax.classify") / "pretrained" / PRETRAINED) as shipped:
+    name = next(iter(SHIPPED)) if path is None else str(path)
+    if path is None or (name in SHIPPED and not path.exists()):
+        with as_file(files("aerojax.classify") / "pretrained" / SHIPPED[name]) as shipped:
             return load_classifier(shipped)
     tensors, header = _read(path)
     if CARD_KEY not in header:

@@ -12,8 +12,9 @@ from rich.console import Console
 
 from aerojax.classify.base import ClassifierConfig, Trainable, parameter_count, with_card
 from aerojax.classify.card_markdown import card_markdown
+from aerojax.classify.ensemble.config import EnsembleConfig
 from aerojax.classify.load import save_classifier
-from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.views.config import ViewsConfig
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
@@ -37,6 +38,7 @@ class ClassifierTraining:
     tests: folders whose test/ is counted together; empty takes those of `clips`.
     also_test: further folders whose test/ is counted apart.
     frames: clips are cut or padded to so many.
+    networks: trained side by side, whose answers are averaged.
     tensorboard: write curves to `curves/` of the run's directory.
     distribution: the processes that train together; each needs a run directory of its own.
     """
@@ -47,7 +49,8 @@ class ClassifierTraining:
     tests: tuple[Path, ...] = ()
     also_test: tuple[Path, ...]
     frames: int = 10
-    model: ClassifierConfig = field(default_factory=MambaSplatConfig)
+    networks: int = 1
+    model: ClassifierConfig = field(default_factory=ViewsConfig)
     variation: VariationConfig = field(default_factory=VariationConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     tensorboard: bool = False
@@ -73,6 +76,7 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
         "clips": list(map(str, config.clips)),
         "test_clips": list(map(str, counted)),
         "trained": {name: to_mapping(getattr(config, name)) for name in ("model", "variation", "training")},
+        "networks": config.networks,
         "seed": config.seed,
         "minutes": (time.perf_counter() - start) / 60,
         **provenance(run.overrides),
@@ -88,7 +92,7 @@ def _train(config: ClassifierTraining, run: Run, console: Console) -> Trainable:
     curves = run.directory / "curves" if config.tensorboard else None
     with training_screen(config.training, task.steps_per_epoch, curves=curves) as screen:
         return train_classifier(
-            config.model,
+            config.model if config.networks == 1 else EnsembleConfig(member=config.model, size=config.networks),
             task,
             settings=settings_of(config.clips[0]),
             directory=run.directory,

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from aerojax.classify.base import Trainable, parameter_count, parameter_names, untrained
-from aerojax.classify.load import CARD_KEY, load_classifier, save_classifier
+from aerojax.classify.base import Trainable, parameter_names, untrained
+from aerojax.classify.load import CARD_KEY, SHIPPED, load_classifier, save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.core.errors import UserError
 
@@ -34,10 +35,12 @@ def test_a_classifier_comes_back_with_its_card(tmp_path, variant):
 
 
 def test_the_shipped_weights_open_without_a_path():
-    shipped = load_classifier()
-    assert shipped.card.tokens == 64 and dict(shipped.card.settings)["crop_size"] == 128
-    assert parameter_count(shipped.network) == 1_857_506
-    assert json.loads(shipped.card.record)["test"]["accuracy"] == pytest.approx(0.7708, abs=1e-4)
+    shipped = {name: load_classifier(Path(name)) for name in SHIPPED}
+    for name, one in shipped.items():
+        assert one.card.member in (name, "ensemble") and dict(one.card.settings)["crop_size"] == 128
+        assert json.loads(one.card.record)["test"]["accuracy"] > 0.7
+    assert load_classifier().card == shipped["views"].card and shipped["views"].reads_crops
+    assert not shipped["mambasplat"].reads_crops and shipped["mambasplat"].card.rotation_invariant
 
 
 def broken(tmp_path, *, card=None, **tensors):

@@ -28,7 +28,7 @@ def clips(tmp_path_factory) -> Path:
 
 
 def compare(monkeypatch, folder: Path, clips: Path, *overrides: str) -> None:
-    data = (f"clips=[{clips}]", "also_test=[]", f"test.rotations={folder}/rotations", "variation.tokens=16")
+    data = (f"clips=[{clips}]", "tests=[]", "also_test=[]", f"test.rotations={folder}/rotations", "variation.tokens=16")
     which = ("classifier=E_C,E_X_last_frame", "seed=0", f"hydra.sweep.dir={folder}/sweep")
     run_command(compare_classifiers, monkeypatch, "-m", "preset=smoke", *which, *data, *overrides)
 

@@ -34,8 +34,8 @@ TURNS = Rotation.random(2, random_state=7).as_matrix()
 
 @pytest.fixture(scope="module")
 def classifier() -> Classifier:
-    """The shipped classifier, whose card is not asked about the smaller decimation of this test."""
-    return with_card(load_classifier(), settings=())
+    """The shipped classifier of Gaussians, whose card is not asked about the smaller decimation of this test."""
+    return with_card(load_classifier(Path("mambasplat")), settings=())
 
 
 def shortened(capture: Capture) -> Capture:

@@ -69,7 +69,7 @@ def test_frames_are_prepared_whole_before_tokens_are_drawn(variant):
 
 
 def test_the_published_preset_is_the_released_recipe():
-    values = composed("train_classifier", ClassifierTraining, "preset=published")
+    values = composed("train_classifier", ClassifierTraining, "preset=published", "classify=mambasplat")
     config = to_dataclass(values, ClassifierTraining)
     assert config.model == published_config("X")
     assert (config.variation.frames, config.variation.tokens, config.variation.stride) == (16, 512, 3)
