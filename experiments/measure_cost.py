@@ -37,7 +37,7 @@ class Config:
     """What is measured; figures are medians of `repeats` calls after one.
 
     weights: trained members to measure after the shipped one; their accuracy is what their cards say.
-    members: to measure with random weights, which cost the same, by name.
+    untrained: members to measure with random weights, which cost the same, by name.
     views: cameras before the members. pipeline: what their stage is given.
     variant, mode, sizes: of MambaSplat, each with each.
     """
@@ -45,7 +45,7 @@ class Config:
     preset: str
     seed: int = 0
     weights: tuple[Path, ...] = ()
-    members: tuple[str, ...] = tuple(MEMBERS)
+    untrained: tuple[str, ...] = tuple(MEMBERS)
     views: int = 4
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     variant: tuple[Literal["exact", "published"], ...] = ("exact", "published")
@@ -73,7 +73,7 @@ def main(config: Config, run: Run) -> None:
     ]
     console, rows, members = Console(), [], []
     with progress_bar() as bar:
-        chosen = chosen_members(config.weights, config.members, seed=config.seed)
+        chosen = chosen_members(config.weights, config.untrained, seed=config.seed)
         for name, classifier in bar.track(chosen.items(), description="members"):
             about = {"views": config.views, "repeats": config.repeats, "seed": config.seed}
             members.append(member_row(name, classifier, config.pipeline, **about))

@@ -25,7 +25,7 @@ def chosen_members(weights: Sequence[Path], names: Sequence[str], *, seed: int) 
         UserError: there is no such member.
     """
     if unknown := set(names) - set(MEMBERS):
-        raise UserError("invalid", f"members names {', '.join(sorted(unknown))}", f"choose of {', '.join(MEMBERS)}")
+        raise UserError("invalid", f"untrained names {', '.join(sorted(unknown))}", f"choose of {', '.join(MEMBERS)}")
     shipped, key = load_classifier(), jax.random.key(seed)
     found = {"shipped": shipped, **{str(path): load_classifier(path) for path in weights}}
     sizes = {"tokens": shipped.card.tokens, "frames": shipped.card.frames}
