@@ -138,8 +138,9 @@ def _sightlines(
         for i, outline in enumerate(outlines)
         if outline is not None
     ]
-    centre = np.einsum("cak,ck->ca", across, place)
-    return Sightlines(valid.copy(), across, centre, distance, distance / focal, float(np.median(sides)))
+    centre, pixel = np.einsum("cak,ck->ca", across, place), distance / focal
+    size = max(float(np.median(sides)), float(pixel[valid].min()))  # specks have a size, too
+    return Sightlines(valid.copy(), across, centre, distance, pixel, size)
 
 
 def _away_from_others(lines: Sightlines) -> Float64[np.ndarray, "camera"]:

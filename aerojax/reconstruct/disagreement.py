@@ -112,6 +112,11 @@ class Disagreement:
         return float(np.sqrt(self.squares / self.rows)) if self.rows else 0.0
 
     @property
+    def mean_size(self) -> float:
+        """Of the object, metres."""
+        return self.size / max(self.frames, 1)
+
+    @property
     def mean_shift(self) -> Float64[np.ndarray, "camera"]:
         """Of each camera's outlines against the others', metres; NaN where nothing is known."""
         return np.where(self.shifts > 0, self.shift / np.maximum(self.shifts, 1), np.nan)

@@ -76,7 +76,8 @@ def test_a_turned_camera_is_named():
     assert found.suspect is not None and found.suspect.camera == 1 and found.suspect.cause == "turn"
     text = found.reasons[0].text
     assert text.startswith("camera cam_02 disagrees with the others by 0.") and "it is turned by about" in text
-    assert judge(record, cameras, SURE, replace(TRUST, most_disagreement=50.0)).status == "ok"
+    assert judge(record, cameras, SURE, replace(TRUST, most_disagreement=50.0, most_offset=1.0)).status == "ok"
+    assert judge(record, cameras, SURE, replace(TRUST, most_disagreement=50.0)).status == "unsure"
 
 
 def test_frames_whose_silhouettes_do_not_meet_tell_of_the_clock():
