@@ -105,12 +105,12 @@ class Card:
             UserError: the text is no card, or names every field that is missing, unknown or of another type.
         """
         try:
-            values = json.loads(text)
+            read = json.loads(text)
         except (ValueError, RecursionError):
-            values = None
-        if not isinstance(values, dict):
+            read = None
+        if not isinstance(read, dict):
             raise UserError("unreadable", f"{source}: the card in its header is no JSON object", "fetch it again")
-        values = {"temperature": 1.0} | values  # cards of before had none
+        values: dict[str, Any] = {"temperature": 1.0, **read}  # cards of before had none
         missing, unknown = sorted(_TYPES.keys() - values.keys()), sorted(values.keys() - _TYPES.keys())
         if missing:
             raise UserError(
