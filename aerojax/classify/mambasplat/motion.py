@@ -79,7 +79,7 @@ def features_after(
         config: which groups of numbers are wanted.
     """
 
-    def read(state: MotionState, frame: tuple[Array, ...]) -> tuple[MotionState, Array]:
+    def read(state: MotionState, frame: tuple[Array, Array, Array, Array]) -> tuple[MotionState, Array]:
         seen = frame[1].sum() > 0
         features, following = _read(state, *frame, config)
         following = jax.tree.map(lambda new, old: jnp.where(seen, new, old), following, state)
