@@ -104,7 +104,7 @@ def save_clip(
     if facts:
         arrays["facts"] = np.array(json.dumps(dict(facts), sort_keys=True))
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, allow_pickle=False, **arrays)
 
 
 def clip_files(folder: Path) -> list[Path]:
