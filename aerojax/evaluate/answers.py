@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
 from aerojax.classify.base import Classifier, with_card
+from aerojax.core.arrays import AnyArray
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Evidence, Gaussians
 from aerojax.data.clips import ClipSet, clip_files, load_clips
@@ -44,7 +45,7 @@ def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
 
 
 def crops_from_bytes(
-    crops: UInt8[Array, "*batch size size 4"], valid: Bool[Array, "*batch"], kind: Any = jnp.float32
+    crops: UInt8[AnyArray, "*batch size size 4"], valid: Bool[AnyArray, "*batch"], kind: Any = jnp.float32
 ) -> Crops:
     """Crops of a `ClipSet` as a classifier reads them."""
     return Crops(jnp.asarray(crops).astype(kind) / 255, jnp.asarray(valid))
