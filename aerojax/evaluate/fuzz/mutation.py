@@ -159,10 +159,11 @@ def _changed(node: Any, rng: np.random.Generator) -> Any:
     match int(rng.integers(12)):
         case 0:
             del copy[key]
-        case 1 if isinstance(copy, list):
-            copy.insert(key, copy[key])
         case 1:
-            copy[str(_odd(ODD_TEXTS, rng))] = copy[key]
+            if isinstance(copy, dict):
+                copy[str(_odd(ODD_TEXTS, rng))] = copy[key]
+            else:
+                copy.insert(key, copy[key])
         case 2:
             copy[key] = copy[keys[int(rng.integers(len(keys)))]]
         case _:
