@@ -13,11 +13,10 @@ import functools
 import itertools
 import operator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from aerojax.core.arrays import AnyArray, namespace
@@ -132,12 +131,8 @@ def cam_from_world_rows(world_from_cam: Float[AnyArray, "*batch 4 4"]) -> Float[
 
 def _halves(values: Float[AnyArray, "*shape"]) -> tuple[Float[AnyArray, "*shape"], Float[AnyArray, "*shape"]]:
     """float32 as the sum of two numbers of 12 significant bits each."""
-    high: Any  # of the same kind as the values
-    if isinstance(values, np.ndarray):
-        high = (values.view(np.int32) & -4096).view(np.float32)
-    else:
-        bits = jax.lax.bitcast_convert_type(values, jnp.int32) & -4096
-        high = jax.lax.bitcast_convert_type(bits, jnp.float32)
+    xp = namespace(values)
+    high = (values.view(xp.int32) & -4096).view(xp.float32)
     return high, values - high
 
 
