@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import math
 import pickle
+import pickletools
 import struct
 import zipfile
 from collections import OrderedDict
@@ -40,6 +41,11 @@ _NUMBERS = {
     "BoolStorage": "?",
 }
 """Number format of each of torch's classes of storage; NumPy has no bfloat16."""
+
+_NUMBERING = ("PUT", "BINPUT", "LONG_BINPUT")
+"""Opcodes that note a part under a number: a table as long as the number is made for it."""
+_SMALL_TABLE = 1 << 16
+"""Parts whose table takes half a megabyte, which any file may."""
 
 _BROKEN = (
     *(pickle.UnpicklingError, zipfile.BadZipFile, struct.error, EOFError, OSError, ImportError, RuntimeError),
@@ -122,7 +128,7 @@ class _Unpickler(pickle.Unpickler):
     def __init__(self, file: io.BytesIO, path: Path):
         super().__init__(file, encoding="utf-8")
         self.storages: dict[str, _Storage] = {}
-        self._path = path
+        self._file, self._path = file, path
         # Made anew for every file, so that a pickle which alters them alters nothing that outlives it.
         self._known = {
             ("collections", "OrderedDict"): OrderedDict,
@@ -132,6 +138,19 @@ class _Unpickler(pickle.Unpickler):
             ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
             **{("torch", name): name for name in _NUMBERS},
         }
+
+    def load(self) -> Any:
+        """The next object of the file.
+
+        Raises:
+            pickle.UnpicklingError: it numbers a part beyond the file's bytes, for which memory would be taken.
+        """
+        start, most = self._file.tell(), max(len(self._file.getbuffer()), _SMALL_TABLE)
+        for code, number, _ in pickletools.genops(self._file):
+            if code.name in _NUMBERING and number is not None and number > most:
+                raise pickle.UnpicklingError(f"a part has the number {number} in a file that has room for {most}")
+        self._file.seek(start)
+        return super().load()
 
     def find_class(self, module: str, name: str) -> Any:
         """A permitted name's stand-in.

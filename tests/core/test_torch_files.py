@@ -92,6 +92,13 @@ def test_a_real_malicious_pickle_is_refused(tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
+def test_a_number_of_a_part_takes_no_memory(tmp_path):
+    """Python's unpickler makes a table of 8 bytes for each number up to the one that is named."""
+    write_archive(tmp_path / "a.pt", {"x": b"}r\xff\xff\xff\x7f"})
+    with pytest.raises(UserError, match="a part has the number 2147483647"):
+        read_torch(tmp_path / "a.pt")
+
+
 def test_stand_ins_cannot_be_altered_for_later_files(tmp_path):
     rebuild = name_of("torch._utils", "_rebuild_tensor_v2")
     altered = rebuild + b"(N}(" + Writer().value("__defaults__") + Writer().value((1, 2, 3)) + b"utb"
