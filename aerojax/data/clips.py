@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zipfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -174,6 +175,8 @@ def load_clip(path: Path) -> StoredClip:
     """
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            if any(entry.compress_type != zipfile.ZIP_STORED for entry in stored.zip.infolist()):
+                raise ValueError("an entry is compressed, so that it may unpack to any size")
             arrays = {name: stored[name] for name in stored.files}
         clip = arrays["columns"].astype(np.float32)
         label, identity = str(arrays["label"]), str(arrays["identity"])

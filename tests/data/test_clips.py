@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import zipfile
+
 import numpy as np
 import pytest
 
 from aerojax.core.errors import UserError
-from aerojax.data.clips import VIEWS, clip_files, crop_bytes, load_clips, save_clip
+from aerojax.data.clips import VIEWS, clip_files, crop_bytes, load_clip, load_clips, save_clip
 from aerojax.data.windows import read_windows, window_starts
 
 
@@ -39,6 +42,23 @@ def test_broken_clip_files_are_named(tmp_path, content):
     (tmp_path / "cut.npz").write_bytes(content)
     with pytest.raises(UserError, match=r"cut\.npz"):
         load_clips(tmp_path, frames=4)
+
+
+@pytest.mark.parametrize("shape", ["(2, 3", "(" * 300, "(2**60,)", "(1000000000000000,)", "(-2,)"])
+def test_headers_of_arrays_that_make_no_sense_are_named(tmp_path, shape):
+    content = io.BytesIO()
+    np.save(content, np.zeros(6, np.float32))
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}".encode() + b"\n"
+    with zipfile.ZipFile(tmp_path / "odd.npz", "w") as archive:
+        archive.writestr("columns.npy", content.getvalue()[:8] + len(header).to_bytes(2, "little") + header + bytes(24))
+    with pytest.raises(UserError, match=r"odd\.npz cannot be read as a clip"):
+        load_clip(tmp_path / "odd.npz")
+
+
+def test_compressed_clips_are_refused(tmp_path):
+    np.savez_compressed(tmp_path / "a.npz", columns=np.zeros((2, 3, 14), np.float32), label="bird", identity="b")
+    with pytest.raises(UserError, match=r"a\.npz cannot be read as a clip \(an entry is compressed"):
+        load_clip(tmp_path / "a.npz")
 
 
 def test_clips_of_unequal_token_counts_are_named(tmp_path):
