@@ -54,12 +54,24 @@ def load_classifier(path: Path | None = None) -> Trainable:
             "missing", f"{path} has no entry {CARD_KEY!r} in its header", "give weights of experiments.train_classifier"
         )
     card = Card.from_json(header[CARD_KEY], source=str(path))
-    classifier = jax.eval_shape(lambda key: _build(card, path, key), jax.random.key(0))
+    classifier = _shapes(card, path)
     leaves, structure = jax.tree.flatten(classifier)
     expected = dict(zip((name for name, _ in parameter_names(classifier.network)), leaves, strict=True))
     if problems := _problems(tensors, expected):
         raise UserError("invalid", "\n  ".join([f"{path} does not fit its own card:", *problems]), "fetch it again")
     return jax.tree.unflatten(structure, [jnp.asarray(tensors[name]) for name in expected])
+
+
+def _shapes(card: Card, path: Path) -> Trainable:
+    """The classifier that a card describes, with shapes for parameters; nothing of their size is made."""
+    try:
+        return jax.eval_shape(lambda key: _build(card, path, key), jax.random.key(0))
+    except UserError:
+        raise
+    except Exception as error:  # sizes that no array has fail wherever they are used first
+        raise UserError(
+            "invalid", f"{path}: no network can be made as its card says ({type(error).__name__})", "fetch it again"
+        ) from error
 
 
 def _build(card: Card, path: Path, key: jax.Array) -> Trainable:

@@ -96,3 +96,8 @@ def test_files_and_headers_that_are_no_classifier_are_refused(tmp_path):
     odd = dataclasses.replace(CLASSIFIER.card, config=(*CLASSIFIER.card.config, ("wings", 2))).to_json()
     with pytest.raises(UserError, match=r"(?s)the card of .*unknown key\(s\) wings"):
         load_classifier(broken(tmp_path, card=odd))
+    for field, size in (("d_model", 2**62), ("depth", 2**40), ("channels", 10**30)):
+        config = tuple({**dict(CLASSIFIER.card.config), field: size}.items())
+        huge = dataclasses.replace(CLASSIFIER.card, config=config).to_json()
+        with pytest.raises(UserError, match=r"can be made as its card says|does not fit its own card"):
+            load_classifier(broken(tmp_path, card=huge))
