@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -19,6 +20,8 @@ from aerojax.data.splits import SPLITS, Split
 GLTF, WAVEFRONT, USD = (".glb", ".gltf"), (".obj",), (".usd", ".usda", ".usdc", ".usdz")
 MESHES = (".stl", ".ply")
 AXES = {sign + letter: (1.0 if sign == "+" else -1.0) * np.eye(3)[i] for sign in "+-" for i, letter in enumerate("XYZ")}
+_LARGEST = sys.float_info.max
+"""YAML's whole numbers have any size; beyond this no float holds them."""
 _NEEDED = ("name", "file", "class")
 _KINDS: dict[str, tuple[type, ...]] = {
     "name": (str,),
@@ -74,7 +77,7 @@ def read_models(path: Path) -> tuple[ImportedModel, ...]:
         tree = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise UserError("missing", f"list of models {path} does not exist", "check the path") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:  # dates that are none, deep nesting
         raise UserError("unreadable", f"{path} is not readable YAML: {error}", "correct that line") from error
     if not isinstance(tree, dict) or set(tree) != {"models"} or not isinstance(tree["models"], list):
         raise UserError(
@@ -138,9 +141,9 @@ def _wrong_words(entry: dict[str, Any]) -> Iterator[str]:
 
 def _wrong_numbers(entry: dict[str, Any]) -> Iterator[str]:
     scale, speed, animation = entry.get("scale", "auto"), entry.get("speed", 1.0), entry.get("animation", 0)
-    if (isinstance(scale, str) and scale != "auto") or (not isinstance(scale, str) and not 0 < scale < float("inf")):
+    if (isinstance(scale, str) and scale != "auto") or (not isinstance(scale, str) and not 0 < scale <= _LARGEST):
         yield f"scale: {scale!r} is neither auto nor a positive number; give metres per unit"
-    if not 0 < speed < float("inf"):
+    if not 0 < speed <= _LARGEST:
         yield f"speed: {speed!r} must be a positive number; use 1.0 to play as it is, animation: none to stand still"
     if isinstance(animation, int) and animation < 0:
         yield f"animation: {animation} must not be negative; count clips from 0"
@@ -175,7 +178,7 @@ def _model(entry: dict[str, Any], path: Path) -> ImportedModel:
         split=entry.get("split", "test"),
         forward=entry.get("forward", "+Z"),
         up=entry.get("up", "+Y" if gltf else ""),
-        scale=entry.get("scale", "auto"),
+        scale=scale if (scale := entry.get("scale", "auto")) == "auto" else float(scale),
         animation=None if animation == "none" else animation,
         speed=float(entry.get("speed", 1.0)),
         licence=entry.get("licence", ""),

@@ -79,11 +79,22 @@ models:
         ("- name: a", "holds no list `models:`"),
         ("models: {}\n", "holds no list `models:`"),
         ("models: []\nextra: 1\n", "or more than it"),
+        ("models: 2001-99-99", "is not readable YAML"),
+        ("models: " + "[" * 20_000, "is not readable YAML"),
     ],
 )
 def test_files_that_are_no_list(tmp_path, text, message):
     with pytest.raises(UserError, match=message):
         _read(tmp_path, text)
+
+
+def test_whole_numbers_are_numbers(tmp_path):
+    triangle().write(tmp_path / "a.glb")
+    (model,) = _read(tmp_path, "models:\n  - {name: a, file: a.glb, class: bird, scale: 2, speed: 3}\n")
+    assert (model.scale, model.speed) == (2.0, 3.0)
+    huge = "9" * 400
+    with pytest.raises(UserError, match=r"(?s)scale: 9+ is neither auto nor .*speed: 9+ must be a positive number"):
+        _read(tmp_path, f"models:\n  - {{name: a, file: a.glb, class: bird, scale: {huge}, speed: {huge}}}\n")
 
 
 def test_missing_list_and_missing_model(tmp_path):
