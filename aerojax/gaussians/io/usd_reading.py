@@ -72,6 +72,19 @@ def read_placed_usd(path: Path | str, *, prim: str | None = None) -> tuple[list[
         UserError: the file cannot be opened or composed, holds no such prim or several, an array is missing, does not
             fit the others or holds impossible numbers, or a transform shears, mirrors or flattens: names it.
     """
+    try:
+        return _placed(path, prim)
+    except UserError:
+        raise
+    except (Tf.ErrorException, TypeError, ValueError, OverflowError) as error:  # values are unpacked when asked for
+        raise UserError(
+            "unreadable",
+            f"{path}: a value in it is damaged or of another type ({type(error).__name__})",
+            "export it again",
+        ) from None
+
+
+def _placed(path: Path | str, prim: str | None) -> tuple[list[Gaussians], Float64[np.ndarray, "3"]]:
     stage = _opened(path)
     splats = _prim(stage, path, prim)
     source = f"{path}: prim {splats.GetPath()}"
