@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from support.gltf_files import triangle
 from support.model_imports import import_model
@@ -31,7 +33,7 @@ def test_a_model_reads_no_buffer_from_elsewhere(tmp_path):
     folder, glb = tmp_path / "model", triangle()
     folder.mkdir()
     (tmp_path / "secret.bin").write_bytes(glb.binary)
-    glb.tree["buffers"] = [{"uri": "../secret.bin", "byteLength": len(glb.binary)}]
-    glb.write(folder / "a.glb")
+    tree = {**glb.tree, "buffers": [{"uri": "../secret.bin", "byteLength": len(glb.binary)}]}
+    (folder / "a.gltf").write_text(json.dumps(tree))
     with pytest.raises(UserError, match=r"\.\./secret\.bin is missing"):
-        import_model(folder, "a.glb")
+        import_model(folder, "a.gltf")
