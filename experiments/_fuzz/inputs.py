@@ -156,9 +156,10 @@ def flight() -> bytes:
 
 
 def weights() -> bytes:
-    """A classifier with next to no parameters."""
-    config = MambaSplatConfig(d_model=8, depth=1, mamba_layers=1, channels=2)
-    model = untrained(config, tokens=4, frames=2, key=jax.random.key(0))
+    """A classifier with next to no parameters, all of them zero: drawing them would compile for a minute."""
+    config = MambaSplatConfig(d_model=2, depth=1, heads=1, head_dim=1, mamba_layers=1, d_state=1, channels=2)
+    shapes = jax.eval_shape(lambda key: untrained(config, tokens=4, frames=2, key=key), jax.random.key(0))
+    model = jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), shapes)
     return written("a.safetensors", lambda path: save_classifier(path, model))
 
 
@@ -308,6 +309,18 @@ def glb() -> Files:
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
     return {"a.glb": struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks}
+
+
+def meshes() -> tuple[Files, ...]:
+    """A triangle as STL, text and binary, and a triangle and a square as PLY."""
+    corners = np.array([[0, 0, 1], [0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")  # its normal first
+    rows = "\n".join("vertex " + " ".join(map(str, corner)) for corner in corners[1:].tolist())
+    text = f"solid a\nfacet normal 0 0 1\nouter loop\n{rows}\nendloop\nendfacet\nendsolid a\n"
+    binary = bytes(80) + struct.pack("<I", 1) + corners.tobytes() + bytes(2)
+    lines = ["ply", "format ascii 1.0", "element vertex 4", *(f"property float {axis}" for axis in "xyz")]
+    lines += ["element face 2", "property list uchar int vertex_indices", "end_header"]
+    lines += ["0 0 0", "1 0 0", "1 1 0", "0 1 0.5", "3 0 1 2", "4 0 1 2 3", ""]
+    return {"a.stl": text.encode()}, {"a.stl": binary}, {"a.ply": "\n".join(lines).encode()}
 
 
 def wavefront() -> Files:

@@ -22,6 +22,7 @@ from aerojax.gaussians.io.ply import read_placed_ply
 from aerojax.gaussians.io.usd_reading import read_placed_usd
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.simulate.assets.importers.gltf import load_gltf
+from aerojax.simulate.assets.importers.mesh_files import load_mesh_file
 from aerojax.simulate.assets.importers.models import read_models
 from aerojax.simulate.assets.importers.obj import load_wavefront
 from aerojax.simulate.assets.importers.usd import open_source
@@ -74,6 +75,7 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "gltf": lambda: Target(
         (inputs.gltf(), inputs.glb()), only_file(load_gltf, ".gltf", ".glb", animation="first"), 3.0
     ),
+    "mesh": lambda: Target(inputs.meshes(), only_file(load_mesh_file, ".stl", ".ply"), 2.0),
     "obj": lambda: Target((inputs.wavefront(),), only_file(load_wavefront, ".obj"), 3.0),
     "usd": lambda: Target((inputs.stage(),), only_file(open_source, ".usda", animation="first", speed=1.0), 2.0),
 }
