@@ -22,7 +22,7 @@ def card_markdown(card: Card, parameters: int) -> str:
         parameters: how many numbers the weights hold.
     """
     record: dict[str, Any] = json.loads(card.record or "{}")
-    lines = [f"# {card.name}", "", f"Classifier of clips of Gaussians, {parameters:,} parameters."]
+    lines = [f"# {card.name}", "", f"Classifier of clips, {parameters:,} parameters."]
     lines += _origin(record) if "command" in record else []
     clips = f"clips of {', '.join(record['clips'])}" if "clips" in record else "clips"
     lines += [
