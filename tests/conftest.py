@@ -10,7 +10,7 @@ from pathlib import Path
 import jax
 import pytest
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+SHARED = (Path(__file__).resolve().parents[2] / "shared").resolve()
 STRICT = {"jax_debug_nans": True, "jax_numpy_rank_promotion": "raise", "jax_numpy_dtype_promotion": "strict"}
 
 
