@@ -12,7 +12,7 @@ from support.model_imports import import_model
 from aerojax.core.errors import UserError
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
 
-INPUTS = Path(__file__).resolve().parents[5] / "shared" / "bugs"
+INPUTS = (Path(__file__).resolve().parents[5] / "shared" / "bugs").resolve()
 pytestmark = pytest.mark.skipif(not INPUTS.is_dir(), reason=f"inputs of bug reports not found at {INPUTS}")
 BOX = ((2.0, 1.0, 0.5), 12, 7.0)
 """Size, triangles and area of the box that most of the files hold."""
