@@ -128,7 +128,9 @@ class Pipeline:
         if isinstance(seen, Dropped):
             return seen, TrackState(frames.frame, before.classify, before.record.unused())
         with self.watch.stage("reconstruct"):
-            found, count = jax.block_until_ready(_reconstruct(self.reconstructor, seen.views, jnp.asarray(seen.valid)))
+            found, count = jax.block_until_ready(
+                reconstruct_views(self.reconstructor, seen.views, jnp.asarray(seen.valid))
+            )
         met = int(count) > 0
         with self.watch.stage("check"):
             focal = np.array([camera.K[0, 0] for camera in self.cameras])
@@ -141,7 +143,7 @@ class Pipeline:
         with self.watch.stage("decimate"):
             shift = jnp.asarray(seen.rig_from_crop[:3, 3], jnp.float32)
             key = jax.random.fold_in(self.key, frames.frame)
-            gaussians = jax.block_until_ready(_decimate(found, count, shift, key, self.config.decimation))
+            gaussians = jax.block_until_ready(decimate_in_rig(found, count, shift, key, self.config.decimation))
         evidence = Evidence(gaussians, self._crops(seen))
         probabilities, classify = self._classified(evidence, before.classify)
         position = seen.world_from_crop[:3, 3]
@@ -199,16 +201,17 @@ def make_pipeline(
 
 
 @jax.jit
-def _reconstruct(
+def reconstruct_views(
     reconstructor: Reconstructor, views: View, valid: Bool[Array, "view"]
 ) -> tuple[Gaussians, Int[Array, ""]]:
+    """What a reconstructor makes of one frame, compiled; see `Reconstructor`."""
     return reconstructor(views, valid)
 
 
 @partial(jax.jit, static_argnames="config")
-def _decimate(
+def decimate_in_rig(
     gaussians: Gaussians,
-    count: Int[Array, ""],
+    count: Int[Array, ""] | int,
     rig_from_crop: Float[Array, "3"],
     key: Key[Array, ""],
     config: DecimationConfig,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
 import jax
@@ -14,12 +14,13 @@ from jaxtyping import Array, Bool, Float, Float32, Int, Key
 from aerojax.core.seeds import number_of
 from aerojax.core.types import Camera, Gaussians, View
 from aerojax.data.clips import Fact, StoredClip, crop_bytes
-from aerojax.gaussians.decimate import DecimationConfig, decimate
+from aerojax.gaussians.decimate import DecimationConfig
 from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.factory.config import FactoryConfig
 from aerojax.pipeline.factory.observations import ClipCrops, crop_clip, see_clip
 from aerojax.pipeline.factory.plan import ClipPlan, clip_name, plan_clip
-from aerojax.reconstruct.base import Reconstructor, ReconstructorConfig
+from aerojax.pipeline.step import decimate_in_rig, reconstruct_views
+from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.crop import small_crops
 from aerojax.reconstruct.hull import HullConfig
 from aerojax.reconstruct.hull_warp import hull_of_crops
@@ -109,15 +110,8 @@ def _reconstruct(views: View, valid: Bool[np.ndarray, "view"], config: Reconstru
     """The pipeline's Gaussians of one frame; the hull by its faster twin."""
     if isinstance(config, HullConfig):
         return hull_of_crops(views, valid, config=config)[:2]
-    found, count = _reconstruct_any(config.build(), views, jnp.asarray(valid))
+    found, count = reconstruct_views(config.build(), views, jnp.asarray(valid))
     return found, int(count)
-
-
-@jax.jit
-def _reconstruct_any(
-    reconstructor: Reconstructor, views: View, valid: Bool[Array, "view"]
-) -> tuple[Gaussians, Int[Array, ""]]:
-    return reconstructor(views, valid)
 
 
 @partial(jax.jit, static_argnames="config")
@@ -129,7 +123,5 @@ def _tokens(
     key: Key[Array, ""],
     config: DecimationConfig,
 ) -> Float[Array, "token 14"]:
-    """Decimated in the crop's frame, then moved to the rig's, whose axes are the same, and to the world's."""
-    kept = decimate(gaussians, count=count, key=key, config=config)
-    moved = replace(kept, mean=kept.mean + rig_from_crop[None])
-    return transform(moved, world_from_rig).columns()
+    """The pipeline's Gaussians in the world's frame."""
+    return transform(decimate_in_rig(gaussians, count, rig_from_crop, key, config), world_from_rig).columns()
