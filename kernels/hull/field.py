@@ -5,7 +5,7 @@ No `from __future__ import annotations` here: Warp reads the annotations of clos
 """
 
 from functools import lru_cache
-from typing import NamedTuple, no_type_check
+from typing import Any, NamedTuple, no_type_check
 
 import warp as wp
 
@@ -26,7 +26,7 @@ class FieldKernels(NamedTuple):
 @no_type_check  # Warp compiles functions from their source; a run-time checker around them would hide it
 @lru_cache(maxsize=1)
 def image_functions():
-    """Warp functions: world point → pixel and depth; bilinear look-up of distances and of colours."""
+    """Warp functions: world point → pixel and depth; bilinear look-up in images of numbers or of colours."""
 
     @wp.func
     def pixel_and_depth(point: wp.vec3, cam_from_world: mat34, K: wp.mat33) -> wp.vec3:
@@ -39,34 +39,20 @@ def image_functions():
         return wp.vec3(K[0, 0] * across + K[0, 2] + K[0, 1] * down, K[1, 1] * down + K[1, 2], z)
 
     @wp.func
-    def distance_at(distance: wp.array3d(dtype=float), view: int, u: float, v: float) -> float:
-        height = distance.shape[1]
-        width = distance.shape[2]
+    def sample_at(images: wp.array3d(dtype=Any), view: int, u: float, v: float):
+        height = images.shape[1]
+        width = images.shape[2]
         x = wp.clamp(u - 0.5, 0.0, float(width) - 1.0)
         y = wp.clamp(v - 0.5, 0.0, float(height) - 1.0)
         x0 = wp.min(int(x), width - 2)
         y0 = wp.min(int(y), height - 2)
         fx = x - float(x0)
         fy = y - float(y0)
-        top = distance[view, y0, x0] * (1.0 - fx) + distance[view, y0, x0 + 1] * fx
-        bottom = distance[view, y0 + 1, x0] * (1.0 - fx) + distance[view, y0 + 1, x0 + 1] * fx
+        top = images[view, y0, x0] * (1.0 - fx) + images[view, y0, x0 + 1] * fx
+        bottom = images[view, y0 + 1, x0] * (1.0 - fx) + images[view, y0 + 1, x0 + 1] * fx
         return top * (1.0 - fy) + bottom * fy
 
-    @wp.func
-    def colour_at(rgb: wp.array3d(dtype=wp.vec3), view: int, u: float, v: float) -> wp.vec3:
-        height = rgb.shape[1]
-        width = rgb.shape[2]
-        x = wp.clamp(u - 0.5, 0.0, float(width) - 1.0)
-        y = wp.clamp(v - 0.5, 0.0, float(height) - 1.0)
-        x0 = wp.min(int(x), width - 2)
-        y0 = wp.min(int(y), height - 2)
-        fx = x - float(x0)
-        fy = y - float(y0)
-        top = rgb[view, y0, x0] * (1.0 - fx) + rgb[view, y0, x0 + 1] * fx
-        bottom = rgb[view, y0 + 1, x0] * (1.0 - fx) + rgb[view, y0 + 1, x0 + 1] * fx
-        return top * (1.0 - fy) + bottom * fy
-
-    return pixel_and_depth, distance_at, colour_at
+    return pixel_and_depth, sample_at
 
 
 @no_type_check
@@ -103,7 +89,7 @@ def grid_functions():
 @lru_cache(maxsize=1)
 def field_kernels() -> FieldKernels:
     """All kernels of the field, compiled at their first launch."""
-    pixel_and_depth, distance_at, _ = image_functions()
+    pixel_and_depth, sample_at = image_functions()
     centre, gradient = grid_functions()
 
     @wp.kernel(enable_backward=False)
@@ -185,7 +171,7 @@ def field_kernels() -> FieldKernels:
         for view in range(distance.shape[0]):
             if least > enough:
                 seen = pixel_and_depth(point, cam_from_world[view], K[view])
-                metres = distance_at(distance, view, seen[0], seen[1]) * seen[2] / K[view][0, 0]
+                metres = sample_at(distance, view, seen[0], seen[1]) * seen[2] / K[view][0, 0]
                 least = wp.min(least, metres)
         return least
 

@@ -80,7 +80,7 @@ def axes_functions():
 @lru_cache(maxsize=1)
 def surface_kernels() -> SurfaceKernels:
     """All kernels of the surface, compiled at their first launch."""
-    pixel_and_depth, distance_at, colour_at = image_functions()
+    pixel_and_depth, sample_at = image_functions()
     centre, gradient = grid_functions()
     moments_about, quaternion_of = axes_functions()
 
@@ -180,9 +180,9 @@ def surface_kernels() -> SurfaceKernels:
                 towards = wp.normalize(centres[view] - (points[n] - beneath * normals[n]))
                 facing = wp.max(wp.dot(normals[n], towards), 0.0)
                 # The rim mixes with the background.
-                inner = wp.clamp(distance_at(distance, view, pixel[0], pixel[1]) / 2.0, 0.0, 1.0)
+                inner = wp.clamp(sample_at(distance, view, pixel[0], pixel[1]) / 2.0, 0.0, 1.0)
                 weight += 1.0e-3 + facing * facing * inner
-            colour += weight * colour_at(rgb, view, pixel[0], pixel[1])
+            colour += weight * sample_at(rgb, view, pixel[0], pixel[1])
             total += weight
         colours[n] = colour / wp.max(total, 1.0e-12)
 
