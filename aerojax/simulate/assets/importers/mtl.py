@@ -6,6 +6,7 @@ import codecs
 import math
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -64,6 +65,23 @@ def statements(path: Path) -> Iterator[tuple[int, str, str]]:
         yield first, word, rest.strip()
 
 
+@contextmanager
+def understood(path: Path, number: int, word: str, rest: str) -> Iterator[None]:
+    """Within it, a statement that cannot be read is refused by its line.
+
+    Raises:
+        UserError: names the file, the line and the statement.
+    """
+    try:
+        yield
+    except (ValueError, IndexError, OverflowError) as error:
+        if isinstance(error, UserError):
+            raise
+        raise UserError(
+            "unreadable", f"{path}: line {number} is not understood ({f'{word} {rest}'!r})", "export it again"
+        ) from error
+
+
 def numbers(rest: str) -> list[float]:
     """Finite numbers of a statement, up to a comment.
 
@@ -84,18 +102,12 @@ def read_library(path: Path, palette: Palette) -> None:
     """
     name = ""
     for number, word, rest in statements(path):
-        try:
+        with understood(path, number, word, rest):
             if word == "newmtl":
                 name = rest
                 palette.paints[name] = Paint(Material(name=name))
             elif name:
                 palette.paints[name] = _with(palette, palette.paints[name], word, rest, path)
-        except (ValueError, IndexError, OverflowError) as error:
-            if isinstance(error, UserError):
-                raise
-            raise UserError(
-                "unreadable", f"{path}: line {number} is not understood ({f'{word} {rest}'!r})", "export it again"
-            ) from error
 
 
 def _with(palette: Palette, paint: Paint, word: str, rest: str, library: Path) -> Paint:

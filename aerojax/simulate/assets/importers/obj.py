@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from aerojax.core.errors import UserError
 from aerojax.simulate.assets.importers.beside import find_beside
-from aerojax.simulate.assets.importers.mtl import Paint, Palette, numbers, read_library, statements
+from aerojax.simulate.assets.importers.mtl import Paint, Palette, numbers, read_library, statements, understood
 from aerojax.simulate.assets.importers.scene import ImportedScene, Material, Node, Surface
 from aerojax.simulate.assets.mesh.polygons import triangulate
 
@@ -50,14 +50,8 @@ def load_wavefront(path: Path) -> ImportedScene:
     """
     reading = _Reading(path)
     for number, word, rest in statements(path):
-        try:
+        with understood(path, number, word, rest):
             _read_statement(reading, word, rest)
-        except (ValueError, IndexError, OverflowError) as error:
-            if isinstance(error, UserError):
-                raise
-            raise UserError(
-                "unreadable", f"{path}: line {number} is not understood ({f'{word} {rest}'!r})", "export it again"
-            ) from error
     if not reading.faces:
         raise UserError("missing", f"{path}: holds no faces", "export the model as a mesh")
     parts = dict.fromkeys(name for name, _ in reading.faces)
