@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
@@ -12,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card, Settings, TrainRotation, flat_settings
 from aerojax.core.config import to_mapping
+from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, Crops, Evidence
 
 State = Any
@@ -129,6 +131,31 @@ class ClassifierConfig(ABC):
     @abstractmethod
     def rotation_invariant(self) -> bool:
         """Whether no rotation of the world changes the logits, whatever the weights."""
+
+
+def require_counts(config: ClassifierConfig, *names: str, least: int = 1) -> None:
+    """Refuse fields of a configuration that are too small.
+
+    Raises:
+        UserError: names the first such field, its value and the least that works.
+    """
+    _require(config, names, lambda value: value >= least, f"it must be at least {least}")
+
+
+def require_rates(config: ClassifierConfig, *names: str) -> None:
+    """Refuse fields of a configuration that are no rates of dropout.
+
+    Raises:
+        UserError: names the first such field, its value and the values that work.
+    """
+    _require(config, names, lambda value: 0 <= value < 1, "a rate lies in [0, 1)")
+
+
+def _require(config: ClassifierConfig, names: Sequence[str], fits: Callable[[float], bool], remedy: str) -> None:
+    for name in names:
+        if not fits(getattr(config, name)):
+            problem = f"{name} is {getattr(config, name)} in {type(config).__name__}"
+            raise UserError("out-of-range", problem, remedy)
 
 
 def untrained_card(

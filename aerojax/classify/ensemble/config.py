@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import jax
 from jaxtyping import Array, Key
 
-from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.base import ClassifierConfig, require_counts
 from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.errors import UserError
@@ -34,8 +34,7 @@ class EnsembleConfig(ClassifierConfig):
         Raises:
             UserError: names the field and a value that works.
         """
-        if self.size < 1:
-            raise UserError("out-of-range", f"size is {self.size} in EnsembleConfig", "it must be at least 1")
+        require_counts(self, "size")
         if isinstance(self.member, EnsembleConfig):
             raise UserError("invalid", "member is an ensemble in EnsembleConfig", "name another kind of classifier")
 

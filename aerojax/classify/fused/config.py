@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Array, Key
 
-from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.base import ClassifierConfig, require_counts
 from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.classify.views.config import ViewsConfig
@@ -40,8 +40,7 @@ class FusedConfig(ClassifierConfig):
         Raises:
             UserError: names the field and a value that works.
         """
-        if self.hidden < 1:
-            raise UserError("out-of-range", f"hidden is {self.hidden} in FusedConfig", "it must be at least 1")
+        require_counts(self, "hidden")
         for name, most in (("path_dropout", 1.0), ("head_dropout", 0.99)):
             if not 0 <= getattr(self, name) <= most:
                 problem = f"{name} is {getattr(self, name)} in FusedConfig"

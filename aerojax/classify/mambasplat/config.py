@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from jaxtyping import Array, Key
 
-from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.base import ClassifierConfig, require_counts, require_rates
 from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.motion import feature_count
 from aerojax.core.errors import UserError
@@ -105,27 +105,16 @@ class MambaSplatConfig(ClassifierConfig):
         Raises:
             UserError: names the field and a value that works.
         """
-        for name in ("scalar_slots", "channels", "heads", "head_dim", "depth", "d_model", "mamba_layers", "classes"):
-            if getattr(self, name) < 1:
-                raise UserError(
-                    "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "it must be at least 1"
-                )
-        for name in ("merged_tokens", "merge_steps"):
-            if getattr(self, name) < 0:
-                raise UserError(
-                    "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "it must be at least 0"
-                )
+        counts = "scalar_slots", "channels", "heads", "head_dim", "depth", "d_model", "mamba_layers", "classes"
+        require_counts(self, *counts)
+        require_counts(self, "merged_tokens", "merge_steps", least=0)
         if self.merged_tokens and self.lifting == "columns" and uses_shape(self.mode):
             raise UserError(
                 "mismatch",
                 "lifting is 'columns' in MambaSplatConfig, but merged Gaussians have covariances and no axes",
                 "set lifting to 'covariance' or merged_tokens to 0",
             )
-        for name in ("dropout", "drop_path", "head_dropout"):
-            if not 0 <= getattr(self, name) < 1:
-                raise UserError(
-                    "out-of-range", f"{name} is {getattr(self, name)} in MambaSplatConfig", "a rate lies in [0, 1)"
-                )
+        require_rates(self, "dropout", "drop_path", "head_dropout")
         if self.d_model % 2:
             raise UserError("out-of-range", f"d_model is {self.d_model} in MambaSplatConfig", "it must be even")
         if self.variant == "published":

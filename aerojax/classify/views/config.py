@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from jaxtyping import Array, Key
 
-from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.base import ClassifierConfig, require_counts, require_rates
 from aerojax.classify.card import Card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.errors import UserError
@@ -61,14 +61,8 @@ class ViewsConfig(ClassifierConfig):
         Raises:
             UserError: names the field and a value that works.
         """
-        for name in ("radii", "angles", "width", "taps", "hidden", "view_width", "layers", "classes"):
-            if getattr(self, name) < 1:
-                raise UserError("out-of-range", f"{name} is {getattr(self, name)} in ViewsConfig", "at least 1")
-        for name in ("view_dropout", "dropout", "drop_path", "head_dropout"):
-            if not 0 <= getattr(self, name) < 1:
-                raise UserError(
-                    "out-of-range", f"{name} is {getattr(self, name)} in ViewsConfig", "a rate lies in [0, 1)"
-                )
+        require_counts(self, "radii", "angles", "width", "taps", "hidden", "view_width", "layers", "classes")
+        require_rates(self, "view_dropout", "dropout", "drop_path", "head_dropout")
         if not self.reach > 0:
             raise UserError("out-of-range", f"reach is {self.reach} in ViewsConfig", "it must be positive")
         if 2 * max(self.harmonics, self.pooled_harmonics) >= self.angles:
