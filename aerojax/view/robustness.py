@@ -8,9 +8,9 @@ from typing import Any
 
 from aerojax.view.templates import read_template
 
-PANEL, TALL, COLUMNS = 320, 220, 3
+PANEL, TALL, COLUMNS = 340, 220, 3
 """Pixels of a panel, and panels side by side."""
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 12, 30, 30
+_LEFT, _RIGHT, _TOP, _BOTTOM = 56, 12, 30, 30
 _TICKS = (0.0, 0.25, 0.5, 0.75, 1.0)
 _WANTED = 0.8
 """Accuracy that is asked for under small faults; a dashed line."""
@@ -41,7 +41,7 @@ def robustness_svg(curves: Mapping[str, Sequence[Mapping[str, Any]]], titles: Ma
 def _panel(title: str, levels: Sequence[Mapping[str, Any]]) -> str:
     slot = (PANEL - _LEFT - _RIGHT) / max(len(levels), 1)
     xs = [_LEFT + (place + 0.5) * slot for place in range(len(levels))]
-    parts = [f'<text x="{_LEFT}" y="18">{html.escape(title)}</text>', _grid()]
+    parts = [f'<text x="8" y="18">{html.escape(title)}</text>', _grid()]
     for x, row in zip(xs, levels, strict=True):
         low, high = (_y(share) for share in row["interval_95"])
         lost = _y(0.0) - _y(row["undrawn"])
