@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 from jaxtyping import Array, Bool, Int
 
@@ -25,6 +25,26 @@ class Reconstructor(Protocol):
         Returns:
             A fixed number of Gaussians, of which the first `count` are real and the rest repeat real ones; `count`, 0
             where the views do not agree on any object.
+        """
+        ...
+
+
+@runtime_checkable
+class TrainableReconstructor(Reconstructor, Protocol):
+    """A reconstructor as training sees it: `jax.grad` with respect to it gives a reconstructor of gradients."""
+
+    @property
+    def network(self) -> Any:
+        """The pytree that holds every parameter."""
+        ...
+
+    def steps(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, ...]:
+        """Gaussians after each of the member's updates; the first is where it starts, the last its answer.
+
+        All of one number, and in the order of the call; where the call's count is 0 they mean nothing, but are finite.
+
+        Args:
+            views, valid: as in the call.
         """
         ...
 
