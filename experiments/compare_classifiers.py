@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from aerojax.classify.base import Classifier, ClassifierConfig, parameter_count, with_card
+from aerojax.classify.base import Classifier, ClassifierConfig, with_card
 from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
+from aerojax.core.tensors import parameter_count
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.answers import prefix_log_probabilities
 from aerojax.evaluate.comparison import RESULT

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
-import jax
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card, Settings, TrainRotation, flat_settings
@@ -195,14 +194,3 @@ _C = TypeVar("_C", bound=Classifier)
 def with_card(classifier: _C, **changes: Any) -> _C:
     """The same classifier with other values in fields of its card, such as `token_ensembles`."""
     return dataclasses.replace(classifier, card=dataclasses.replace(classifier.card, **changes))  # pyrefly: ignore
-
-
-def parameter_names(tree: Any) -> list[tuple[str, Any]]:
-    """Dotted names and leaves of a network, or of a tree shaped like one (its gradient, its shapes)."""
-    leaves = jax.tree_util.tree_leaves_with_path(tree)
-    return [(jax.tree_util.keystr(p, simple=True, separator=".").removesuffix(".value"), leaf) for p, leaf in leaves]
-
-
-def parameter_count(tree: Any) -> int:
-    """How many numbers a network holds."""
-    return sum(leaf.size for leaf in jax.tree.leaves(tree))

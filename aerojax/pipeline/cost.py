@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from aerojax.classify.base import Trainable, parameter_count, with_card
+from aerojax.classify.base import Trainable, with_card
+from aerojax.core.tensors import parameter_count
 from aerojax.core.types import Crops, Evidence, Gaussians
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.reconstruct.crop import small_crops

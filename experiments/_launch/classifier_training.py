@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from aerojax.classify.base import ClassifierConfig, Trainable, parameter_count, with_card
+from aerojax.classify.base import ClassifierConfig, Trainable, with_card
 from aerojax.classify.card_markdown import card_markdown
 from aerojax.classify.ensemble.config import EnsembleConfig
 from aerojax.classify.load import save_classifier
@@ -18,6 +18,7 @@ from aerojax.classify.views.config import ViewsConfig
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
+from aerojax.core.tensors import parameter_count
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.answers import load_split, require_clips, split_figures
 from aerojax.pipeline.clips import settings_of

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from aerojax.classify.base import Trainable, parameter_names, untrained
+from aerojax.classify.base import Trainable, untrained
 from aerojax.classify.load import CARD_KEY, SHIPPED, load_classifier, save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.core.errors import UserError
+from aerojax.core.tensors import parameter_names
 
 SMALL = {"depth": 1, "mamba_layers": 1, "d_model": 16, "channels": 4}
 CLASSIFIER = untrained(MambaSplatConfig(**SMALL), tokens=8, frames=4, key=jax.random.key(0))

@@ -13,11 +13,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from aerojax.classify.base import parameter_names
 from aerojax.classify.mambasplat.config import MambaSplatConfig, uses_shape
 from aerojax.classify.mambasplat.mamba import sinusoids
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.core.errors import UserError
+from aerojax.core.tensors import parameter_names
 
 COMPILED_PREFIX = "_orig_mod."
 UNUSED_BRIDGE = "bridge."
