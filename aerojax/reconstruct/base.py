@@ -6,9 +6,10 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Int, Key
 
 from aerojax.core.types import Gaussians, View
+from aerojax.reconstruct.weights import load_parameters
 
 
 @runtime_checkable
@@ -58,3 +59,27 @@ class ReconstructorConfig(ABC):
     @abstractmethod
     def build(self) -> Reconstructor:
         """The member."""
+
+
+@dataclass(frozen=True)
+class TrainableConfig(ReconstructorConfig):
+    """Configuration of a member with parameters: training draws them, `build` reads them.
+
+    adjustable: fields that parameters do not depend on, which may differ from those of training.
+    weights: file that `train_reconstructor` wrote; empty takes the one that comes with the package.
+    """
+
+    adjustable: ClassVar[tuple[str, ...]] = ()
+    weights: str = ""
+
+    @abstractmethod
+    def untrained(self, *, key: Key[Array, ""]) -> TrainableReconstructor:
+        """The member with random parameters."""
+
+    def build(self) -> TrainableReconstructor:
+        """The member with trained parameters.
+
+        Raises:
+            UserError: as `load_parameters`.
+        """
+        return load_parameters(self)
