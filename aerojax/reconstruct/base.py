@@ -42,7 +42,8 @@ class TrainableReconstructor(Reconstructor, Protocol):
     def steps(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, ...]:
         """Gaussians after each of the member's updates; the first is where it starts, the last its answer.
 
-        All of one number, and in the order of the call; where the call's count is 0 they mean nothing, but are finite.
+        All of one number and in the order of the call. Those that only fill the number up, beyond the call's count,
+        have opacity 0, so that the whole can be rendered without the count.
 
         Args:
             views, valid: as in the call.
