@@ -1,4 +1,4 @@
-"""Parameters of trained reconstructors on disk: safetensors with the configuration that they belong to in the header."""
+"""Parameters of trained reconstructors on disk: safetensors, in whose header is the configuration they belong to."""
 
 from __future__ import annotations
 

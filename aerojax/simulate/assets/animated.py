@@ -27,22 +27,26 @@ def build_animated(identity: Identity) -> AnimatedMesh:
     Raises:
         UserError: if the identity names an unknown class or family.
     """
-    asset = asset_of(identity)
-    root = "/" + re.sub(r"\W", "_", identity.name)
+    return animated_asset(asset_of(identity), identity.name, colour_seed_of(identity))
+
+
+def animated_asset(asset: Asset | SkinnedAsset, name: str, colour_seed: int) -> AnimatedMesh:
+    """The animated mesh of an asset of this name, painted from a seed."""
+    root = "/" + re.sub(r"\W", "_", name)
     if isinstance(asset, SkinnedAsset):
         parts = tuple(skinned.part for skinned in asset.parts)
         names = tuple(f"{root}/skin/{part.name}" for part in parts)
         evaluate, joints = _skinned(asset)
-        return _mesh(parts, names, identity, float(asset.motion.seconds[-1]), (evaluate,), joints)
+        return _mesh(parts, names, colour_seed, float(asset.motion.seconds[-1]), (evaluate,), joints)
     names = tuple(f"{root}/{p.name}" + ("" if p.spin is None else "/mesh") for p in asset.parts)
     evaluate_each = tuple(_rigid(part, asset.cycle_seconds) for part in asset.parts)
-    return _mesh(asset.parts, names, identity, asset.cycle_seconds, evaluate_each, _rotors(asset))
+    return _mesh(asset.parts, names, colour_seed, asset.cycle_seconds, evaluate_each, _rotors(asset))
 
 
 def _mesh(
     parts: tuple[Part, ...],
     names: tuple[str, ...],
-    identity: Identity,
+    colour_seed: int,
     cycle_seconds: float,
     evaluate: tuple[Evaluate, ...],
     joints: EvaluateJoints,
@@ -52,7 +56,7 @@ def _mesh(
     total = sum(counts)
     return AnimatedMesh(
         faces=np.concatenate([p.mesh.faces + o for p, o in zip(parts, offsets, strict=True)]).astype(np.int32),
-        albedo=face_colours(parts, colour_seed_of(identity)).astype(np.float32),
+        albedo=face_colours(parts, colour_seed).astype(np.float32),
         uv=np.zeros((total, 3, 2), np.float32),
         texture=np.full(total, -1, np.int32),
         textures=(),

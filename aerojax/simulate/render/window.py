@@ -38,6 +38,20 @@ class WindowImage:
     background: Float[np.ndarray, "3"]
 
 
+@dataclass(frozen=True, eq=False)
+class WindowLayers:
+    """The object alone in the part of an image that it can touch.
+
+    window: x0 y0 x1 y1, ends exclusive.
+    coverage: share of each pixel. colour: linear mean of what covers it. depth: of that, metres, 0 where nothing does.
+    """
+
+    window: Window
+    coverage: Float32[np.ndarray, "rows columns"]
+    colour: Float32[np.ndarray, "rows columns 3"]
+    depth: Float32[np.ndarray, "rows columns"]
+
+
 class WindowRenderer:
     """Renders one posed object for any camera.
 
@@ -67,6 +81,15 @@ class WindowRenderer:
 
     def image(self, camera: CaptureCamera) -> WindowImage | None:
         """What a camera sees of the last pose; None where that is nothing, or any vertex is not before it."""
+        layers = self.layers(camera)
+        if layers is None:
+            return None
+        background = self._dome.behind(camera)
+        mask = layers.coverage >= self._config.mask_threshold - 1e-6
+        return WindowImage(layers.window, _over(layers.coverage, layers.colour, background), mask, background)
+
+    def layers(self, camera: CaptureCamera) -> WindowLayers | None:
+        """As `image`, before anything is behind the object."""
         centre = camera.world_from_cam[:3, 3] - self._origin
         inside = (self._vertices - centre) @ camera.world_from_cam[:3, :3]
         if inside[:, 2].min() < _NEAREST:
@@ -81,10 +104,8 @@ class WindowRenderer:
         colours = np.where(towards[:, None], *self._sides)
         points = np.concatenate([pixels - (x0, y0), inside[:, 2:]], axis=1)
         samples = self._samples(float(np.max(high - low)))
-        coverage, colour = rasterise(points, self._mesh.faces, colours, (x1 - x0, y1 - y0), samples)
-        background = self._dome.behind(camera)
-        mask = coverage >= self._config.mask_threshold - 1e-6
-        return WindowImage((x0, y0, x1, y1), _over(coverage, colour, background), mask, background)
+        layers = rasterise(points, self._mesh.faces, colours, (x1 - x0, y1 - y0), samples)
+        return WindowLayers((x0, y0, x1, y1), *layers)
 
     def _samples(self, side: float) -> int:
         least = self._config.samples
