@@ -1,0 +1,1 @@
+"""Solids of no class: shapes that a reconstructor learns from besides those that fly."""
