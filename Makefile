@@ -45,6 +45,7 @@ format: venv
 
 docs: venv
 	$(PY) docs/make_api.py
+	$(PY) docs/make_results.py
 
 wheel: venv
 	$(PY) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .

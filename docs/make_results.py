@@ -1,0 +1,297 @@
+"""Write docs/results.md and the results in README.md: templates whose every figure is looked up in results/*.json.
+
+    make docs
+
+A template holds `{{file path format}}`: a file of results/ (or docs/published.json) without its end, a path into it and
+how the value is written; `{{table name}}` is one of `TABLES`. A path is keys and numbers with dots between, `*` for all
+that go on as the path does, `rows[factor=clock_ms,value=66].accuracy` for the row that says so, and min(…), max(…),
+median(…), sum(…) or count(…) around it. Formats are those of Python; `.1%` puts a space before the sign and `.1e`
+writes a power of ten.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import re
+import statistics
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+TEMPLATES = DOCS / "templates"
+PAGE = DOCS / "results.md"
+README = ROOT / "README.md"
+BEGIN, END = "<!-- results: made by `make docs` from docs/templates/readme.md -->", "<!-- end of results -->"
+WIDTH = 120
+"""Characters of a line of prose."""
+PLACE = re.compile(r"\{\{(.+?)\}\}")
+_REDUCED = re.compile(r"(min|max|median|sum|count)\((.*)\)")
+_STEP = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")
+_REDUCERS: dict[str, Callable[[Any], Any]] = {
+    "min": min,
+    "max": max,
+    "median": statistics.median,
+    "sum": sum,
+    "count": len,
+}
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+@functools.cache
+def load(name: str) -> Any:
+    """The content of results/<name>.json, or of docs/<name>.json."""
+    path = next(p for p in (ROOT / "results" / f"{name}.json", DOCS / f"{name}.json") if p.is_file())
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def lookup(values: Any, path: str) -> Any:
+    """What a path leads to; see the top of this file."""
+    if reduced := _REDUCED.fullmatch(path):
+        return _REDUCERS[reduced[1]](lookup(values, reduced[2]))
+    return _followed(values, [key or f"[{chosen}]" for key, chosen in _STEP.findall(path)])
+
+
+def _followed(values: Any, steps: Sequence[str]) -> Any:
+    if not steps:
+        return values
+    step, rest = steps[0], steps[1:]
+    if step == "*":
+        every = values.values() if isinstance(values, dict) else values
+        return [_followed(value, rest) for value in every if not rest or (isinstance(value, dict) and rest[0] in value)]
+    if "=" in step:
+        wanted = dict(pair.split("=") for pair in step.strip("[]").split(","))
+        found = [row for row in values if all(_equal(row[key], value) for key, value in wanted.items())]
+        if len(found) != 1:
+            raise KeyError(f"{step} fits {len(found)} rows")
+        return _followed(found[0], rest)
+    key = step.strip("[]")
+    return _followed(values[int(key)] if isinstance(values, list) else values[key], rest)
+
+
+def _equal(value: Any, text: str) -> bool:
+    return value == float(text) if isinstance(value, int | float) else str(value) == text
+
+
+def formatted(value: Any, how: str) -> str:
+    """A value as the page has it."""
+    if how.endswith("%"):
+        return f"{100 * value:{how[:-1]}f} %"
+    if how.endswith("e"):
+        number, power = f"{value:{how}}".split("e")
+        return f"{number}·10{str(int(power)).translate(_RAISED)}"
+    return f"{value:{how}}"
+
+
+def filled(template: str) -> str:
+    """A template with its figures."""
+
+    def figure(place: re.Match[str]) -> str:
+        name, path, *how = place[1].split()
+        return TABLES[path]() if name == "table" else formatted(lookup(load(name), path), how[0] if how else "")
+
+    return PLACE.sub(figure, template)
+
+
+def made(name: str) -> str:
+    """A template filled, with even lines."""
+    blocks = filled((TEMPLATES / name).read_text(encoding="utf-8")).strip().split("\n\n")
+    return "\n\n".join(block if block.startswith(("#", "|")) else _even(block) for block in blocks) + "\n"
+
+
+def _even(paragraph: str) -> str:
+    return textwrap.fill(" ".join(paragraph.split()), WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+def page() -> str:
+    """docs/results.md."""
+    return made("results.md")
+
+
+def readme(text: str) -> str:
+    """README.md with its results made again."""
+    before, _, rest = text.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{made('readme.md')}{END}{after}"
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
+
+
+def percent(share: float, digits: int = 1) -> str:
+    """A share as the tables have it."""
+    return formatted(share, f".{digits}%")
+
+
+def accuracy() -> str:
+    """Accuracy of the two trained classifiers by test set."""
+    answered, views, splat = (
+        load(f"{name}") for name in ("measure_accuracy_small", "train_classifier_small", "train_classifier_mambasplat")
+    )
+    folders = {name.rpartition("/")[2]: row for name, row in answered["folders"].items()}
+    far = answered["distance_64_to_280_m"][0]
+    rows = [("Sim-1, Sim-2 and random networks", answered["all"], splat["tests"]["all"]["accuracy"])]
+    rows += [(name, folders[name], splat["tests"][name]["accuracy"]) for name in ("sim1", "sim2", "random")]
+    alone = {"clips": views["tests"]["sim3"]["clips"], "accuracy": views["tests"]["sim3"]["accuracy"]}
+    rows.append(("sim3, of the clips that there are", alone, splat["tests"]["sim3"]["accuracy"]))
+    right = splat["tests"]["sim3"]["accuracy"] * splat["tests"]["sim3"]["clips"]
+    rows.append(("sim3, of all sequences", folders["sim3"], right / folders["sim3"]["clips"]))
+    rows.append((f"{far['low']:g} to {far['high']:g} m, of all rigs", far, None))
+
+    def line(name: str, row: dict[str, Any], other: float | None) -> list[object]:
+        low, high = row.get("interval_95", (None, None))
+        interval = "" if low is None else f"{100 * low:.0f} to {100 * high:.0f}"
+        return [name, row["clips"], percent(row["accuracy"]), interval, "" if other is None else percent(other)]
+
+    return markdown(["test set", "clips", "views", "95 %", "mambasplat"], (line(*row) for row in rows))
+
+
+def confusion() -> str:
+    """Answers of the default weights by class."""
+    found = load("train_classifier_small")
+    names, test = found["classes"], found["test"]
+    rows = [
+        [f"**{name}**", *row, percent(recall)]
+        for name, row, recall in zip(names, test["confusion"], test["recall"], strict=True)
+    ]
+    return markdown(["truth, answer", *names, "recall"], rows)
+
+
+def features() -> str:
+    """Features and bridges, one column for the five protocols where they are one figure."""
+    found = load("compare_classifiers_small")
+
+    def spread(figure: dict[str, float]) -> str:
+        return f"{100 * figure['mean']:.1f} ± {100 * figure['std']:.1f}"
+
+    rows = []
+    for row in found["rows"]:
+        protocols = {spread(figure) for figure in row["protocols"].values()}
+        cells = [spread(row[key]) for key in ("last_frame", "gain")]
+        rows.append([f"`{row['classifier']}`", f"{row['parameters']:,}", " / ".join(sorted(protocols)), *cells])
+    return markdown(["classifier", "parameters", "whole window, all protocols", "last frame alone", "gain"], rows)
+
+
+def consistency() -> str:
+    """Agreement of annotations by rig, beside the published figures."""
+    thesis, rows = load("published")["annotations"], []
+    for row in load("describe_dataset_small")["consistency"]:
+        best, iou = row["iou_subpixel"], f"{row['iou']['median']:.3f}"
+        known = thesis.get(row["rig"], {"iou": "", "residual_px": ""})
+        spread = f"{best['median']:.3f} ({best['p5']:.3f} to {best['p95']:.3f})"
+        grid, residual = f"{row['iou_grid']['median']:.3f}", f"{row['residual']['median']:.3f}"
+        rows.append([row["rig"], row["views"], spread, iou, grid, known["iou"], residual, known["residual_px"]])
+    head = ["rig", "views", "IoU of visible and projected box, median (p5 to p95)", "of the mask's whole pixels"]
+    return markdown([*head, "best that whole pixels allow", "thesis", "centroid residual, px", "thesis"], rows)
+
+
+def generator() -> str:
+    """Speed of the generator."""
+    found, rows = load("benchmark_simulator")["simulator"], []
+    two = {(row["rig"], row["preset"]): row["two_images_per_s"] for row in found["two_workers"]}
+    for row in found["throughput"]:
+        cost = row["cpu_ms_an_image"]
+        costs = (cost["cast"], cost.get("landscape", 0), cost["encode"] + cost["write"])
+        pair = two.get((row["rig"], row["preset"]))
+        rates = (f"{row['images_per_s']:.1f}", "" if pair is None else f"{pair:.1f}")
+        rows.append([row["rig"], row["preset"], *rates, ", ".join(f"{part:.0f}" for part in costs)])
+    return markdown(["rig", "preset", "images/s", "two processes", "ms an image: rays, landscape, files"], rows)
+
+
+def blender() -> str:
+    """Times of the renderer beside Cycles by distance."""
+    rows = load("benchmark_blender")["blender"]["rows"]
+    table = []
+    for radius in sorted({row["radius_m"] for row in rows}):
+        some = [row for row in rows if row["radius_m"] == radius]
+        ious = [row["agreement"]["mask_iou"] for row in some]
+        for name in ("times_faster", "times_faster_than_cycles_of_4_samples"):
+            times = [row[name] for row in some]
+            label = "16 samples" if name == "times_faster" else "4 samples"
+            table.append([f"{radius} m", label, f"{min(times):.1f} to {max(times):.1f}", f"{min(ious):.3f}"])
+    return markdown(["distance", "Cycles with", "times faster", "least IoU of the masks"], table)
+
+
+def fits() -> str:
+    """Held-out views of fitted Gaussians and of the hull that the fit starts from: every capture that was tried."""
+    rows = []
+    for row in load("fit_gaussians")["fits"]:
+        fitted, hull = row["held_out"]["foreground_psnr_db"], row["held_out_hull"]["foreground_psnr_db"]
+        change = f"{fitted - hull:+.1f}"
+        rows.append(
+            [row["capture"], row["source"], row["fitting_views"], row["matte"], f"{fitted:.1f}", f"{hull:.1f}", change]
+        )
+    return markdown(["capture", "from", "fitted views", "matte", "fit, dB", "hull, dB", "change"], rows)
+
+
+def torch() -> str:
+    """The classifier beside PyTorch: the exact variant, and the published one, which has PyTorch's sizes."""
+    table = []
+    for row in load("benchmark_classifier")["classifier"]["rows"]:
+        call = f"{'training step' if row['act'] == 'step' else row['act']}, {row['frames']} × {row['tokens']}"
+        for name in ("published", "exact"):
+            for other, label in (("torch", "eager"), ("torch_flash", "fused attention")):
+                times = f"{row[f'{name}_over_{other}']['times_faster']:.2f}"
+                seconds = [f"{row[key]['wall_s']:.3g} s" for key in (name, other)]
+                memory = [f"{row[key]['call_mb']:,.0f} ({row[key]['process_mb']:,.0f})" for key in (name, other)]
+                table.append([call, f"`{name}`", label, *seconds, times, *memory])
+    head = ["call, frames × tokens", "ours", "PyTorch", "ours", "PyTorch", "times faster", "ours, MB", "PyTorch, MB"]
+    return markdown(head, table)
+
+
+def _tree(commit: str) -> str:
+    """What is known of the tree: acts write whole names of commits, hands wrote short ones."""
+    if "+" in commit:
+        return "with changes"
+    return "clean" if len(commit) == 40 else "not recorded"
+
+
+def origins() -> str:
+    """What made each file of results/, and whether its tree was clean."""
+    rows = []
+    for path in sorted((ROOT / "results").glob("*.json")):
+        found = load(path.stem)
+        commits = [str(c) for c in found.get("commits", [found.get("commit")])]
+        commands = found.get("commands", [found.get("command")])
+        known = ", ".join(c.partition("+")[0][:7] for c in dict.fromkeys(commits) if c != "None")
+        note = str(found.get("note", "")).replace("|", "/")
+        said = "; ".join(f"`{command}`" for command in commands)
+        rows.append(
+            [
+                f"`{path.name}`",
+                said,
+                str(found.get("date", ""))[:10],
+                known,
+                " and ".join(sorted(set(map(_tree, commits)))),
+                note,
+            ]
+        )
+    return markdown(["file", "command", "date", "commit", "tree", "note"], rows)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    function.__name__: function
+    for function in (
+        accuracy,
+        confusion,
+        features,
+        consistency,
+        generator,
+        blender,
+        fits,
+        torch,
+        origins,
+    )
+}
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
+    README.write_text(readme(README.read_text(encoding="utf-8")), encoding="utf-8")
+    print(PAGE, README, sep="\n")
