@@ -37,6 +37,8 @@ class Updated:
         crops that classifiers of views read.
     log_probabilities: of the classes, from all frames so far; None where frames cannot be classified one by one.
     consistency: how well the cameras agree in this frame.
+    shift_m: by which a camera's picture was displaced to fit the others, at most, metres at the object; 0 where the
+        silhouettes fit as they are.
     """
 
     frame: int
@@ -46,6 +48,7 @@ class Updated:
     observation: Observation | None
     log_probabilities: Float32[np.ndarray, "label"] | None
     consistency: Consistency
+    shift_m: float = 0.0
 
     @property
     def gaussians(self) -> Gaussians:

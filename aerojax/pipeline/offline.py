@@ -24,7 +24,7 @@ from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import Pipeline, PipelineState, make_pipeline
 from aerojax.pipeline.stream import stream
 from aerojax.pipeline.trust import Record, TrustConfig, Verdict, judge
-from aerojax.pipeline.warnings import convention_of, missing_warnings
+from aerojax.pipeline.warnings import convention_of, missing_warnings, shift_warnings
 from aerojax.reconstruct.consistency import Consistency
 
 Progress = Callable[[int, int, str], None]
@@ -119,6 +119,7 @@ def reconstruct_capture(
                 records[event.track] = _record(records, state, event.track)
         state = after
     warnings = (*capture.warnings, *missing_warnings(capture, missing))
+    warnings = (*warnings, *shift_warnings([one for many in updates.values() for one in many], capture.frames))
     disjoint = [event.frame for event in dropped if event.code == "silhouettes-disjoint"]
     convention = convention_of(capture, pipeline, disjoint) if 2 * len(disjoint) > capture.frames else None
     if convention is not None:

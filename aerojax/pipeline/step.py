@@ -24,6 +24,7 @@ from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, Updated
 from aerojax.pipeline.stopwatch import Stopwatch
 from aerojax.pipeline.trust import Record
+from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import Reconstructor
 from aerojax.reconstruct.consistency import consistency
 from aerojax.reconstruct.crop import small_crops
@@ -127,14 +128,14 @@ class Pipeline:
         seen = self.observe(frames, track)
         if isinstance(seen, Dropped):
             return seen, TrackState(frames.frame, before.classify, before.record.unused())
-        with self.watch.stage("reconstruct"):
-            found, count = jax.block_until_ready(
-                reconstruct_views(self.reconstructor, seen.views, jnp.asarray(seen.valid))
-            )
-        met = int(count) > 0
+        valid = jnp.asarray(seen.valid)
+        made = reconstruct_aligned(
+            partial(self._reconstruct, valid=valid), seen.views, seen.valid, stage=self.watch.stage
+        )
+        met = made.count > 0
         with self.watch.stage("check"):
             focal = np.array([camera.K[0, 0] for camera in self.cameras])
-            agreement = consistency(seen.views, seen.valid, focal, np.asarray(found.mean)[: int(count)])
+            agreement = consistency(seen.views, seen.valid, focal, made.uncovered)
             record = before.record.seen(agreement, frames.time_s, seen.rig_from_crop[:3, 3], used=met)
         if not met:
             text = "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
@@ -143,12 +144,19 @@ class Pipeline:
         with self.watch.stage("decimate"):
             shift = jnp.asarray(seen.rig_from_crop[:3, 3], jnp.float32)
             key = jax.random.fold_in(self.key, frames.frame)
-            gaussians = jax.block_until_ready(decimate_in_rig(found, count, shift, key, self.config.decimation))
+            gaussians = jax.block_until_ready(
+                decimate_in_rig(made.gaussians, made.count, shift, key, self.config.decimation)
+            )
         evidence = Evidence(gaussians, self._crops(seen))
         probabilities, classify = self._classified(evidence, before.classify)
         position = seen.world_from_crop[:3, 3]
-        updated = Updated(frames.frame, track.number, position, evidence, seen, probabilities, agreement)
+        largest = float(made.shift_m.max())
+        updated = Updated(frames.frame, track.number, position, evidence, seen, probabilities, agreement, largest)
         return updated, TrackState(frames.frame, classify, record)
+
+    def _reconstruct(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, int]:
+        found, count = jax.block_until_ready(reconstruct_views(self.reconstructor, views, valid))
+        return found, int(count)
 
     def _classified(self, evidence: Evidence, state: Any) -> tuple[Float32[np.ndarray, "label"] | None, Any]:
         if self.classifier is None or not self.classifier.causal:

@@ -9,6 +9,7 @@ import numpy as np
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_frames
 from aerojax.core.types import MissingView
+from aerojax.pipeline.events import Updated
 from aerojax.pipeline.source import capture_preview
 from aerojax.pipeline.step import Pipeline
 from aerojax.track.conventions import Convention, fitting_convention
@@ -31,6 +32,15 @@ def missing_warnings(capture: Capture, missing: Sequence[tuple[int, MissingView]
         f"camera {capture.cameras[camera].name}: left out of {len(views)} of {capture.frames} frames ({views[0].text})"
         for camera, views in sorted(by_camera.items())
     )
+
+
+def shift_warnings(updates: Sequence[Updated], frames: int) -> tuple[str, ...]:
+    """A sentence on the frames in which cameras had to be displaced to fit the others; none where all fit."""
+    shifts = [event.shift_m for event in updates if event.shift_m > 0]
+    if not shifts:
+        return ()
+    text = f"the silhouettes fit only with cameras displaced by up to {max(shifts):.2g} m at the object"
+    return (f"{len(shifts)} of {frames} frames: {text}; check calibration and clocks",)
 
 
 def convention_of(capture: Capture, pipeline: Pipeline, frames: Sequence[int]) -> Convention | None:

@@ -91,7 +91,7 @@ def consistency(
     views: View,
     valid: Bool[np.ndarray, "camera"],
     focal: Float64[np.ndarray, "camera"],
-    surface: Float[np.ndarray, "point 3"],
+    uncovered: Float64[np.ndarray, "camera"],
 ) -> Consistency:
     """How well the crops of one frame agree.
 
@@ -99,7 +99,7 @@ def consistency(
         views: crops that look at the frame's origin, where their central rays meet best; metres.
         valid: cameras that count, at least two.
         focal: of the images that the crops were cut from, pixels.
-        surface: points of the reconstruction, in the crops' frame; none where the silhouettes do not meet.
+        uncovered: from `uncovered_shares`.
     """
     masks = np.asarray(views.mask)
     K = np.asarray(views.camera.K, np.float64)
@@ -109,9 +109,6 @@ def consistency(
     ray = _away_from_others(lines)
     tangencies = tuple(_tangencies(outlines, K, pose, lines))
     shift = np.array([_median_shift(tangencies, camera) for camera in range(len(valid))])
-    uncovered = np.full(len(valid), np.nan)
-    for camera in np.flatnonzero(valid):
-        uncovered[camera] = uncovered_share(masks[camera], surface, K[camera], pose[camera])
     return Consistency(ray, ray / lines.pixel, shift, shift / lines.pixel, uncovered, lines, tangencies)
 
 
@@ -198,6 +195,25 @@ def _reach(rays: np.ndarray, towards: np.ndarray, normal: np.ndarray, away: floa
 def _median_shift(tangencies: Sequence[Tangency], camera: int) -> float:
     of_it = [abs(one.shift) for one in tangencies if camera in (one.first, one.second)]
     return float(np.median(of_it)) if of_it else np.nan
+
+
+def uncovered_shares(
+    views: View, valid: Bool[np.ndarray, "camera"], surface: Float[np.ndarray, "point 3"]
+) -> Float64[np.ndarray, "camera"]:
+    """Share of each silhouette that a reconstruction leaves bare, 0..1; NaN where a camera does not count.
+
+    Args:
+        views: crops that look at the frame's origin.
+        valid: cameras that count.
+        surface: points of the reconstruction, in the crops' frame; none where the silhouettes do not meet.
+    """
+    masks = np.asarray(views.mask)
+    K = np.asarray(views.camera.K, np.float64)
+    pose = np.asarray(views.camera.world_from_cam, np.float64)
+    shares = np.full(len(valid), np.nan)
+    for camera in np.flatnonzero(valid):
+        shares[camera] = uncovered_share(masks[camera], surface, K[camera], pose[camera])
+    return shares
 
 
 def uncovered_share(

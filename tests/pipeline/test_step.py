@@ -29,6 +29,7 @@ from aerojax.pipeline.offline import reconstruct_capture
 from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import Pipeline, make_pipeline
 from aerojax.pipeline.stream import stream
+from aerojax.pipeline.warnings import shift_warnings
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.hull import HullConfig
 from aerojax.segment.base import SegmenterConfig
@@ -70,16 +71,33 @@ def test_an_object_appears_moves_is_dropped_lost_and_appears_again(classifier):
     assert not any(isinstance(event, Lost) and event.frame < 6 for event in events)
 
 
-def test_silhouettes_that_do_not_meet_are_a_dropped_frame():
-    cameras = list(network())
-    turned = cameras[1].world_from_cam.copy()
-    turned[:3, :3] = Rotation.from_euler("y", 12, degrees=True).as_matrix() @ turned[:3, :3]
-    events = run(
-        make_pipeline([cameras[0], replace(cameras[1], world_from_cam=turned), *cameras[2:]], SMALL, key=KEY),
-        frame_sets(tuple(cameras), range(1)),
-    )
+def turned_network(degrees: float):
+    """Cameras as they are, and as they are stated: the second one turned."""
+    cameras = network()
+    pose = cameras[1].world_from_cam.copy()
+    pose[:3, :3] = Rotation.from_euler("y", degrees, degrees=True).as_matrix() @ pose[:3, :3]
+    return cameras, (cameras[0], replace(cameras[1], world_from_cam=pose), *cameras[2:])
+
+
+def test_silhouettes_that_meet_in_no_way_are_a_dropped_frame():
+    cameras, stated = turned_network(30)
+    events = run(make_pipeline(stated, SMALL, key=KEY), frame_sets(cameras, range(1)))
     assert [type(event) for event in events] == [Appeared, Dropped]
     assert events[1].code == "silhouettes-disjoint" and "calibration" in events[1].text
+
+
+def test_silhouettes_that_meet_when_shifted_are_used_and_it_is_said():
+    cameras, stated = turned_network(10)
+    frames = list(frame_sets(cameras, range(4)))
+    events = run(make_pipeline(stated, SMALL, key=KEY), frames)
+    shifted = [event for event in events if isinstance(event, Updated)]
+    assert len(shifted) == 4 and all(0.1 < event.shift_m < 1.0 for event in shifted)
+    (text,) = shift_warnings(shifted, 4)
+    assert text.startswith("4 of 4 frames") and "calibration" in text
+    right = [event for event in run(make_pipeline(cameras, SMALL, key=KEY), frames) if isinstance(event, Updated)]
+    assert not any(event.shift_m for event in right) and shift_warnings(right, 4) == ()
+    sizes = [np.ptp(np.asarray(event.gaussians.mean), axis=0) for event in (*shifted, *right)]
+    np.testing.assert_allclose(np.sort(sizes[0]), np.sort(sizes[4]), atol=0.1)
 
 
 def test_the_world_s_place_and_turn_change_nothing(classifier):

@@ -9,7 +9,7 @@ from support.networks import AXES, FOCAL, frame_sets, network, position_at
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.core.types import FrameSet
-from aerojax.reconstruct.consistency import Consistency, consistency, uncovered_share
+from aerojax.reconstruct.consistency import Consistency, consistency, uncovered_share, uncovered_shares
 
 CAMERAS = network()
 FRAME = next(iter(frame_sets(CAMERAS, range(1))))
@@ -26,7 +26,8 @@ def ellipsoid(count: int = 4000) -> np.ndarray:
 def figures(frame: FrameSet, cameras: tuple[CaptureCamera, ...]) -> Consistency:
     seen = observed(frame, cameras)
     surface = ellipsoid() + position_at(frame.frame) - seen.rig_from_crop[:3, 3]
-    return consistency(seen.views, seen.valid, np.array([c.K[0, 0] for c in cameras]), surface)
+    uncovered = uncovered_shares(seen.views, seen.valid, surface)
+    return consistency(seen.views, seen.valid, np.array([c.K[0, 0] for c in cameras]), uncovered)
 
 
 def test_cameras_that_agree_are_within_half_a_pixel():

@@ -21,7 +21,7 @@ def sums(frames, cameras) -> list[Disagreement]:
         seen = observed(frame, cameras)
         path = [*path, (frame.time_s, seen.rig_from_crop[:3, 3])][-5:]
         velocity = slope([t for t, _ in path], [x for _, x in path])
-        found.append(Disagreement.of(consistency(seen.views, seen.valid, focal, np.zeros((0, 3))), velocity))
+        found.append(Disagreement.of(consistency(seen.views, seen.valid, focal, np.ones(len(cameras))), velocity))
     return found
 
 

@@ -20,6 +20,7 @@ from aerojax.pipeline.factory.config import FactoryConfig
 from aerojax.pipeline.factory.observations import ClipCrops, crop_clip, see_clip
 from aerojax.pipeline.factory.plan import ClipPlan, clip_name, plan_clip
 from aerojax.pipeline.step import decimate_in_rig, reconstruct_views
+from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.crop import small_crops
 from aerojax.reconstruct.hull import HullConfig
@@ -91,12 +92,13 @@ def gaussians_of(
     for frame, valid in enumerate(crops.valid):
         camera = Camera(_single(crops.K[frame]), _single(crops.crop_from_cam[frame]), size, size)
         views = View(_single(crops.rgb[frame]), _single(crops.mask[frame]), camera)
-        found, count = _reconstruct(views, valid, config.pipeline.reconstruct)
-        if count == 0:
+        made = reconstruct_aligned(partial(_reconstruct, valid=valid, config=config.pipeline.reconstruct), views, valid)
+        if made.count == 0:
             continue
         shift = _single(crops.rig_from_crop[frame])
         chosen = jax.random.fold_in(key, int(crops.numbers[frame]))
-        columns.append(np.asarray(_tokens(found, count, shift, world_from_rig, chosen, config.pipeline.decimation)))
+        thinned = _tokens(made.gaussians, made.count, shift, world_from_rig, chosen, config.pipeline.decimation)
+        columns.append(np.asarray(thinned))
         kept.append(frame)
     shape = (0, config.tokens, 14)
     return (np.stack(columns)[:, : config.tokens] if kept else np.zeros(shape, np.float32)), kept
