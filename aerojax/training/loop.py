@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,6 +36,7 @@ Loss = Callable[[Any, Any, Key[Array, "batch"]], jax.Array]
 class TrainingConfig:
     """Length and rhythm of a run.
 
+    passes: over the examples in one epoch; the model is validated after each epoch.
     batch: examples of one update.
     micro_batches: parts that a batch is computed in, one after the other; more of them need less memory.
     average: decay a step of the moving average of the weights, which is what is validated and kept; 0 keeps the
@@ -44,6 +46,7 @@ class TrainingConfig:
     """
 
     epochs: int = 40
+    passes: int = 1
     batch: int = 16
     micro_batches: int = 1
     label_smoothing: float = 0.1
@@ -118,13 +121,13 @@ def fit(model: _Model, task: Fit, config: TrainingConfig, *, seed: int, director
         )
     devices = devices_for(config.batch // config.micro_batches)
     optimiser = adamw(config.optimiser, config.epochs * task.steps_per_epoch)
-    update = devices.compile(_update_step(task.loss, optimiser, config, seed))
+    update = devices.compile(_update_step(task.loss, optimiser, config))
     start = (model, optimiser.init(model), model)  # pyrefly: ignore
     nothing = np.zeros((task.steps_per_epoch, 2), np.float32)
     state = _resumed(_State(start, model, np.array(-np.inf, np.float32), np.array(0, np.int32), nothing), directory)
     state = replace(state, weights=devices.copy(state.weights))
     for epoch in range(int(state.step) // task.steps_per_epoch, config.epochs):
-        state = _run_epoch(state, epoch, update, devices, task, config, directory)
+        state = _run_epoch(state, epoch, partial(update, np.uint32(seed % 2**32)), devices, task, config, directory)
         average = devices.own_copy(state.weights[2])
         row = {
             "epoch": epoch + 1,
@@ -208,10 +211,10 @@ class _Figures:
         )
 
 
-def _update_step(
-    loss: Loss, optimiser: optax.GradientTransformation, config: TrainingConfig, seed: int
-) -> Callable[..., Any]:
-    def update(weights: Any, batch: Any, step: Any) -> tuple[Any, Float32[Array, "figure"]]:
+def _update_step(loss: Loss, optimiser: optax.GradientTransformation, config: TrainingConfig) -> Callable[..., Any]:
+    """One step of any run; its seed is an argument, so that runs with other seeds need not compile it again."""
+
+    def update(seed: Any, weights: Any, batch: Any, step: Any) -> tuple[Any, Float32[Array, "figure"]]:
         model, moments, average = weights
         keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), step), config.batch)
         value, gradient = _mean_gradient(loss, model, batch, keys, config.micro_batches)

@@ -20,8 +20,11 @@ from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
 from aerojax.core.tensors import parameter_count
 from aerojax.core.types import CLASSES
+from aerojax.data.clips import ClipSet
+from aerojax.data.selection import SelectionConfig, select_clips
 from aerojax.evaluate.answers import load_split, require_clips, split_figures
 from aerojax.pipeline.clips import settings_of
+from aerojax.simulate.assets.catalogue import identities
 from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
 from aerojax.training.loop import TrainingConfig
 from aerojax.training.memory import keep_freed_memory
@@ -35,7 +38,10 @@ from experiments._launch.training_screen import training_screen
 class ClassifierTraining:
     """Data, model and optimisation of one training run.
 
-    clips: folders of `generate_clips` or `reconstruct_dataset`, one a rig, each with train/ and val/.
+    clips: folders of `generate_clips` or `reconstruct_dataset`, one a rig, each with train/, and val/ unless
+        `validation` is given.
+    selection: which of their training clips are learnt from; all by default.
+    validation: folders whose val/ chooses the weights; empty takes those of `clips`.
     tests: folders whose test/ is counted together; empty takes those of `clips`.
     also_test: further folders whose test/ is counted apart.
     frames: clips are cut or padded to so many.
@@ -47,6 +53,8 @@ class ClassifierTraining:
     preset: str
     seed: int = 0
     clips: tuple[Path, ...]
+    selection: SelectionConfig = field(default_factory=SelectionConfig)
+    validation: tuple[Path, ...] = ()
     tests: tuple[Path, ...] = ()
     also_test: tuple[Path, ...]
     frames: int = 10
@@ -65,7 +73,9 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
     console, start = Console(quiet=not is_first_process()), time.perf_counter()
     counted = config.tests or config.clips
     require_clips((*counted, *config.also_test), "test")
-    classifier = _train(config, run, console)
+    clips, val = training_clips(config), load_split(config.validation or config.clips, "val", config.frames)
+    console.print(f"clips: {len(clips.label)} train, {len(val.label)} val")
+    classifier = _train(config, run, console, clips, val)
     tests = split_figures(classifier, counted, config.also_test, split="test", frames=config.frames)
     for name, figures in tests.items():
         console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
@@ -75,6 +85,9 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
         "test_identities": tests["all"]["identities"],
         "classes": CLASSES,
         "clips": list(map(str, config.clips)),
+        "training_clips": len(clips.label),
+        "training_identities": len(set(clips.identity)),
+        "steps": config.training.epochs * config.training.passes * (len(clips.label) // config.training.batch),
         "test_clips": list(map(str, counted)),
         "trained": {name: to_mapping(getattr(config, name)) for name in ("model", "variation", "training")},
         "networks": config.networks,
@@ -86,9 +99,14 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
         console.print(str(_keep(run, classifier, results)), soft_wrap=True)
 
 
-def _train(config: ClassifierTraining, run: Run, console: Console) -> Trainable:
-    clips, val = (load_split(config.clips, split, config.frames) for split in ("train", "val"))
-    console.print(f"clips: {len(clips.label)} train, {len(val.label)} val")
+def training_clips(config: ClassifierTraining) -> ClipSet:
+    """The clips that a run learns from."""
+    clips = load_split(config.clips, "train", config.frames)
+    published = {one.name for one in identities("train")}
+    return select_clips(clips, config.selection, published=published, seed=config.seed)
+
+
+def _train(config: ClassifierTraining, run: Run, console: Console, clips: ClipSet, val: ClipSet) -> Trainable:
     task = ClipTask(clips, val, config.variation, config.training, config.seed)
     curves = run.directory / "curves" if config.tensorboard else None
     with training_screen(config.training, task.steps_per_epoch, curves=curves) as screen:

@@ -53,13 +53,14 @@ class ClipTask:
 
     def batches(self, epoch: int) -> Iterator[Any]:
         """This process' share of each batch of an epoch."""
-        clips = self.train
-        for index in epoch_order(len(clips.label), self.training.batch, seed=self.seed, epoch=epoch):
-            share = own_share(index)
-            crops = None
-            if self.crops and clips.crops is not None and clips.crop_valid is not None:
-                crops = clips.crops[share], clips.crop_valid[share]
-            yield clips.columns[share], clips.present[share], clips.label[share], crops
+        clips, passes = self.train, self.training.passes
+        for number in range(epoch * passes, (epoch + 1) * passes):
+            for index in epoch_order(len(clips.label), self.training.batch, seed=self.seed, epoch=number):
+                share = own_share(index)
+                crops = None
+                if self.crops and clips.crops is not None and clips.crop_valid is not None:
+                    crops = clips.crops[share], clips.crop_valid[share]
+                yield clips.columns[share], clips.present[share], clips.label[share], crops
 
     def validate(self, classifier: Classifier) -> dict[str, float]:
         """Figures of whole validation clips, each frame read by its first tokens alone."""
@@ -71,8 +72,8 @@ class ClipTask:
 
     @property
     def steps_per_epoch(self) -> int:
-        """Whole batches of the training clips."""
-        return len(self.train.label) // self.training.batch
+        """Whole batches of the training clips, in all passes."""
+        return self.training.passes * (len(self.train.label) // self.training.batch)
 
 
 def train_classifier(
