@@ -1,14 +1,17 @@
-"""Compare classifiers: each is trained with several seeds and tested under every rotation protocol and frame by frame.
+"""Compare classifiers: each row of a table is trained with several seeds and tested on individuals it never saw.
 
-`python -m experiments.compare_classifiers -m preset=small` runs every classifier that conf/compare_classifiers.yaml
-names and leaves table.md and table.json in the sweep's directory; started again, it goes on where it stopped.
+`python -m experiments.compare_classifiers` runs every row that conf/rows/features.yaml names, tested under the rotation
+protocols and frame by frame; `rows=steps` those of an ablation of data, tokens, features and members, each of which
+changes one thing. Either leaves table.md and table.json in the sweep's directory; started again, it goes on where it
+stopped.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field, replace
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -16,12 +19,16 @@ from rich.console import Console
 from aerojax.classify.base import Classifier, ClassifierConfig, with_card
 from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.core.tensors import parameter_count
+from aerojax.data.manifest import read_datasets
 from aerojax.data.windows import Windows, read_windows
+from aerojax.evaluate.ablation import VALIDATION, answers_to_json
 from aerojax.evaluate.answers import prefix_log_probabilities
 from aerojax.evaluate.comparison import RESULT
+from aerojax.evaluate.groups import answer_folder, asked_sequences, join_answers
 from aerojax.evaluate.labels import label_figures
 from aerojax.evaluate.rotation_trials import RotationTrials, all_answers, figures_of
 from aerojax.evaluate.rotations import draw_rotations, protocols_of
@@ -47,14 +54,22 @@ class WindowTrials(RotationTrials):
 class Config(ClassifierTraining):
     """A training run and how its weights are tested.
 
+    rows: which table it belongs to, and so what is measured: rotations of windows, or whole clips of every folder.
     classifier: name of the row in the table, an option of conf/classifier.
-    model: MambaSplat, whose features and bridges are compared.
-    test: the same for every classifier, whatever it was trained on.
+    change: what the row changes. against: name of the row that it changes that of, and is held against.
+    model: MambaSplat, whose features and bridges are compared, unless the row names another member.
+    test: of the rows `features`, the same for every classifier, whatever it was trained on.
+    datasets: of the rows `steps`, from which the test clips were made: a sequence of theirs whose clip is not in the
+        folder of its rig counts as wrong.
     """
 
+    rows: Literal["features", "steps"]
     classifier: str
+    change: str = ""
+    against: str = ""
     model: ClassifierConfig = field(default_factory=MambaSplatConfig)
     test: WindowTrials = field(default_factory=WindowTrials)
+    datasets: tuple[Path, ...] = ()
 
 
 def last_frames(windows: Windows) -> Windows:
@@ -73,12 +88,13 @@ def _accuracy_of_last_frames(classifier: Classifier, test: Windows) -> float:
     return label_figures(answers, alone.label)["accuracy"]
 
 
-def examine(classifier: Classifier, config: Config) -> dict[str, Any]:
+def examine_windows(classifier: Trainable, config: Config) -> dict[str, Any]:
     """Accuracy under the five protocols, of whole windows and of their last frames alone, JSON-ready."""
     plan = config.test
     tokens = classifier.card.tokens * plan.token_ensembles
     size = {"frames": config.frames, "length": plan.window, "stride": plan.stride, "tokens": tokens}
-    test, val = read_windows(config.tests or config.clips, "test", **size), read_windows(config.clips, "val", **size)
+    test = read_windows(config.tests or config.clips, "test", **size)
+    val = read_windows(config.validation or config.clips, "val", **size)
     figures = figures_of(all_answers(classifier, test, val, plan, lambda done, total, what: None), test, plan)
     protocols = {
         p.name: {"test": p.test}
@@ -91,6 +107,38 @@ def examine(classifier: Classifier, config: Config) -> dict[str, Any]:
     return {"protocols": protocols, "clip": clip, "last_frame": last, "gain": clip - last, **sizes, "figures": figures}
 
 
+def examine_clips(classifier: Trainable, config: Config) -> dict[str, Any]:
+    """The answers to whole clips of every test folder and of validation, as long as a training window, JSON-ready."""
+    frames, counted = config.variation.frames, config.tests or config.clips
+    plain = with_card(classifier, temperature=1.0)
+    sequences = read_datasets(config.datasets).sequences if config.datasets else ()
+    answers = {
+        folder.name: answer_folder(
+            plain, folder / "test", frames=frames, asked=asked_sequences(sequences, folder.name, "test")
+        )
+        for folder in (*counted, *config.also_test)
+    }
+    answers[VALIDATION] = join_answers(
+        [answer_folder(plain, folder / "val", frames=frames) for folder in config.validation or config.clips]
+    )
+    every = [np.mean(answers[folder.name].predicted == answers[folder.name].label) for folder in counted]
+    return {
+        "counted": [folder.name for folder in counted],
+        "answers": {name: answers_to_json(one) for name, one in answers.items()},
+        "clip": float(np.average(every, weights=[len(answers[folder.name].label) for folder in counted])),
+    }
+
+
+def _head(classifier: Trainable, config: Config) -> dict[str, Any]:
+    """What the tables say of a row besides what was measured."""
+    head = {name: getattr(config, name) for name in ("rows", "classifier", "change", "against", "seed")}
+    head |= {"member": classifier.card.member, "label": classifier.card.name}
+    head |= {"parameters": parameter_count(classifier.network), "trained": classifier.card.rotation}
+    head |= {"frames": config.variation.frames, "tokens": config.variation.tokens}
+    model = to_mapping(config.model)
+    return head | {name: model[name] for name in ("mode", "bridge", "temporal") if name in model}
+
+
 @experiment(Config, finished_by=RESULT)
 def main(config: Config, run: Run) -> None:
     """Train one classifier, or go on with it, and write its figures."""
@@ -99,16 +147,11 @@ def main(config: Config, run: Run) -> None:
         train_and_keep(config, run)
     trained = json.loads(metrics.read_text())
     classifier = load_classifier(run.directory / "weights.safetensors")
-    results = examine(classifier, config)
-    model = dict(classifier.card.config)
-    head = {"classifier": config.classifier, **{name: model[name] for name in ("mode", "bridge", "temporal")}}
-    head |= {"parameters": parameter_count(classifier.network), "seed": config.seed}
-    head |= {"trained": classifier.card.rotation, "minutes": trained["minutes"]}
+    head = _head(classifier, config)
+    head |= {name: trained[name] for name in ("training_clips", "training_identities", "steps", "minutes")}
+    results = (examine_windows if config.rows == "features" else examine_clips)(classifier, config)
     write_json(run.directory / RESULT, {**head, **results, **provenance(run.overrides)})
-    Console().print(
-        f"{config.classifier}, seed {config.seed}: clips {100 * results['clip']:.1f} %, "
-        f"last frames alone {100 * results['last_frame']:.1f} %"
-    )
+    Console().print(f"{config.classifier}, seed {config.seed}: clips {100 * results['clip']:.1f} %", soft_wrap=True)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from aerojax.core.files import write_json, write_text
+from aerojax.evaluate.ablation import ablation_markdown, ablation_rows
 from aerojax.evaluate.rotations import PROTOCOLS
 
 RESULT = "comparison.json"
@@ -89,9 +90,11 @@ def write_table(folder: Path) -> str:
     runs = [json.loads(path.read_text()) for path in sorted(folder.rglob(RESULT))]
     if not runs:
         return ""
-    rows = comparison_rows(runs)
+    steps = runs[0]["rows"] == "steps"
+    rows = (ablation_rows if steps else comparison_rows)(runs)
     write_json(
         folder / "table.json", {"runs": len(runs), "rows": rows, "commits": sorted({str(r["commit"]) for r in runs})}
     )
-    write_text(folder / "table.md", table_markdown(rows))
-    return table_markdown(rows)
+    text = (ablation_markdown if steps else table_markdown)(rows)
+    write_text(folder / "table.md", text)
+    return text

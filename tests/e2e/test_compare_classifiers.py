@@ -27,10 +27,12 @@ def clips(tmp_path_factory) -> Path:
     return folder
 
 
-def compare(monkeypatch, folder: Path, clips: Path, *overrides: str) -> None:
+def compare(
+    monkeypatch, folder: Path, clips: Path, *overrides: str, which=("classifier=E_C,E_X_last_frame", "seed=0")
+) -> None:
     data = (f"clips=[{clips}]", "tests=[]", "also_test=[]", f"test.rotations={folder}/rotations", "variation.tokens=16")
-    which = ("classifier=E_C,E_X_last_frame", "seed=0", f"hydra.sweep.dir={folder}/sweep")
-    run_command(compare_classifiers, monkeypatch, "-m", "preset=smoke", *which, *data, *overrides)
+    where = f"hydra.sweep.dir={folder}/sweep"
+    run_command(compare_classifiers, monkeypatch, "-m", "preset=smoke", *which, where, *data, *overrides)
 
 
 @pytest.mark.slow
@@ -66,3 +68,24 @@ def test_a_sweep_leaves_a_table_and_goes_on_where_it_was_stopped(clips, monkeypa
         compare(monkeypatch, tmp_path, clips, "training.batch=2")
     assert ended.value.code == 2
     assert "another configuration (training in run.json)" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_steps_are_held_against_the_row_before(clips, monkeypatch, tmp_path, capsys):
+    rows = ("rows=steps", "classifier=few_clips,more_clips", "seed=0,1")
+    small = ("model.d_model=32", "model.mamba_layers=1", "model.depth=1", "variation.frames=4", "training.passes=2")
+    chosen = ("selection.published=false", "selection.per_class=1", f"validation=[{clips}]")
+    compare(monkeypatch, tmp_path, clips, *small, *chosen, which=rows)
+    table = json.loads((tmp_path / "sweep/table.json").read_text())
+    few, more = table["rows"]
+    assert [few["classifier"], more["classifier"]] == ["few_clips", "more_clips"] and few["seeds"] == [0, 1]
+    assert few["difference"] is None and more["against"] == "few_clips"
+    assert few["steps"] == 2 and few["training_clips"] == few["training_identities"] == 4
+    for row in (few, more):
+        alone, together = row["tests"], row["averaged"]
+        assert set(alone) == set(together["tests"]) == {"all", "rig", "val"} and together["networks"] == 2
+        assert alone["all"]["accuracy"] == alone["rig"]["accuracy"] and alone["all"]["clips"] == 4
+    gap = more["tests"]["all"]["accuracy"]["mean"] - few["tests"]["all"]["accuracy"]["mean"]
+    assert more["difference"]["accuracy"] == pytest.approx(gap)
+    page = (tmp_path / "sweep/table.md").read_text()
+    assert page in capsys.readouterr().out and "| more_clips | 1,200 clips of the same individuals | 4 of 4 |" in page
