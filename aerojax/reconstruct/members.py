@@ -2,5 +2,6 @@
 
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.hull import HullConfig
+from aerojax.reconstruct.lgm.config import LgmConfig
 
-MEMBERS: dict[str, type[ReconstructorConfig]] = {"hull": HullConfig}
+MEMBERS: dict[str, type[ReconstructorConfig]] = {"hull": HullConfig, "lgm": LgmConfig}
