@@ -9,7 +9,7 @@ import pytest
 
 from aerojax.core.colour import srgb_from_linear
 from aerojax.simulate.render.image import RenderedImage
-from experiments._benchmarks import blender, simulator
+from experiments._benchmarks import blender, factory, simulator
 
 
 def test_a_step_inside_another_counts_for_itself_alone():
@@ -59,6 +59,11 @@ def test_steps_are_timed_only_inside():
     with simulator.stopwatch():
         assert all(getattr(o, n) is not b for (_, o, n), b in zip(simulator.STEPS, before, strict=True))
     assert all(getattr(o, n) is b for (_, o, n), b in zip(simulator.STEPS, before, strict=True))
+
+
+def test_rates_leave_out_what_a_start_costs():
+    found = factory.rates({"clips": 4.0, "seconds": 10.0}, {"clips": 28.0, "seconds": 22.0})
+    assert found["clips_per_s"] == 2.0 and found["clips_per_s_with_start"] == round(28 / 22, 3)
 
 
 def picture() -> RenderedImage:
