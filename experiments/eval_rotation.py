@@ -15,6 +15,7 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
+from aerojax.data.clips import clip_files
 from aerojax.data.splits import Split
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answers, figures_of, paired_figures
@@ -29,7 +30,9 @@ class Config(RotationTrials):
 
     model: weights; the shipped ones if None. against: further weights to compare with on the same rotations.
     trained: rotation of the training clips; what the card says if None.
-    clips: folders of `reconstruct_dataset`, one a rig; split: the one that is tested (temperature is fitted on val).
+    clips: folders of `reconstruct_dataset` or `generate_clips`, one a rig; split: the one that is tested.
+    validation: folders whose val/ the temperature is fitted on; empty takes those of `clips` that have one, and fits
+        none where no folder has.
     frames: clips are cut to so many. window: frames of a window; as in training if None. stride: between windows.
     """
 
@@ -38,19 +41,22 @@ class Config(RotationTrials):
     against: Path | None = None
     trained: TrainRotation | None = None
     clips: tuple[Path, ...]
+    validation: tuple[Path, ...] = ()
     split: Split = "test"
     frames: int = 32
     window: int | None = None
     stride: int = 2
 
 
-def _windows(config: Config, classifier: Classifier, split: str) -> Windows:
+def _windows(config: Config, classifier: Classifier, folders: tuple[Path, ...], split: str) -> Windows:
     length, tokens = config.window or classifier.card.frames, classifier.card.tokens * config.token_ensembles
-    return read_windows(config.clips, split, frames=config.frames, length=length, stride=config.stride, tokens=tokens)
+    return read_windows(folders, split, frames=config.frames, length=length, stride=config.stride, tokens=tokens)
 
 
 def _ask(config: Config, classifier: Classifier) -> tuple[Windows, Answers]:
-    test, val = _windows(config, classifier, config.split), _windows(config, classifier, "val")
+    having_val = config.validation or tuple(folder for folder in config.clips if clip_files(folder / "val"))
+    test = _windows(config, classifier, config.clips, config.split)
+    val = _windows(config, classifier, having_val, "val") if having_val else None
     with progress_bar() as bar:
         task = bar.add_task("windows", total=None)
 
@@ -67,7 +73,8 @@ def _show(console: Console, figures: dict[str, Any]) -> None:
         low, high = row["interval_95"]["video_accuracy"]
         spread = [f"{100 * row[k]['mean']:.1f}±{100 * row[k]['std']:.1f}" for k in ("clip_accuracy", "video_accuracy")]
         first = row["trials"][0]["clip"]
-        errors = f"{first['ece']:.3f}", f"{first['ece_with_temperature']:.3f}"
+        mended = first["ece_with_temperature"]
+        errors = f"{first['ece']:.3f}", "-" if mended is None else f"{mended:.3f}"
         table.add_row(
             name, *spread, f"{100 * low:.1f}…{100 * high:.1f}", f"{100 * row['video_macro_f1']['mean']:.1f}", *errors
         )

@@ -40,18 +40,21 @@ class RotationTrials:
 
 @dataclass(frozen=True)
 class Answers:
-    """Log-probabilities of the test windows by rotation and trial, after every frame, and with frames shuffled."""
+    """Log-probabilities of the test windows by rotation and trial, after every frame, and with frames shuffled.
+
+    temperature: of the validation windows; None where there were none.
+    """
 
     turned: dict[TestRotation, list[Float[np.ndarray, "window label"]]]
     prefixes: Float[np.ndarray, "window time label"]
     shuffled: Float[np.ndarray, "window label"]
-    temperature: float
+    temperature: float | None
 
 
 def all_answers(
     classifier: Classifier,
     test: Windows,
-    val: Windows,
+    val: Windows | None,
     plan: RotationTrials,
     progress: Callable[[int, int, str], None],
 ) -> Answers:
@@ -60,12 +63,12 @@ def all_answers(
     Args:
         classifier: read with the plan's token ensembles.
         test: windows that are turned, cut and shuffled.
-        val: windows that the temperature is fitted on.
+        val: windows that the temperature is fitted on; None fits none.
         plan: seeds, trials and where the rotations are cached.
         progress: called after each pass over the windows.
     """
     classifier = with_card(classifier, token_ensembles=plan.token_ensembles)
-    done, total = 0, 3 + (len(TEST_ROTATIONS) - 1) * plan.trials
+    done, total = 0, 2 + (val is not None) + (len(TEST_ROTATIONS) - 1) * plan.trials
 
     def ask(windows: Windows, kind: TestRotation, trial: int = 0, order: np.ndarray | None = None) -> np.ndarray:
         nonlocal done
@@ -76,7 +79,7 @@ def all_answers(
         progress(done, total, f"{len(test.label)} windows")
         return found
 
-    temperature = fit_temperature(ask(val, "none")[:, -1], val.label)
+    temperature = None if val is None else fit_temperature(ask(val, "none")[:, -1], val.label)
     still = ask(test, "none")
     turned: dict[TestRotation, list[np.ndarray]] = {"none": [still[:, -1]]}
     for kind in TEST_ROTATIONS[1:]:
@@ -108,7 +111,7 @@ def video_confusions(trials: list[np.ndarray], test: Windows) -> Int[np.ndarray,
 
 
 def _rotation(
-    trials: list[np.ndarray], still: np.ndarray, temperature: float, test: Windows, plan: RotationTrials
+    trials: list[np.ndarray], still: np.ndarray, temperature: float | None, test: Windows, plan: RotationTrials
 ) -> dict[str, Any]:
     levels = [_levels(trial, temperature, test) for trial in trials]
     confusions = video_confusions(trials, test)
@@ -126,15 +129,17 @@ def _rotation(
     return {**summary, "interval_95": intervals, "answers_changed": int(np.sum(changed)), "trials": levels}
 
 
-def _levels(log_probabilities: np.ndarray, temperature: float, test: Windows) -> dict[str, dict[str, Any]]:
-    """Figures of windows (`clip`) and of voted videos."""
+def _levels(log_probabilities: np.ndarray, temperature: float | None, test: Windows) -> dict[str, dict[str, Any]]:
+    """Figures of windows (`clip`) and of voted videos; `ece_with_temperature` is None where there is no temperature."""
     first = test.one_a_video()
     pairs = {"clip": (log_probabilities, test.label), "video": (vote(log_probabilities, test), test.label[first])}
     return {
         level: {
             **label_figures(given, label),
             "ece": calibration_error(given, label),
-            "ece_with_temperature": calibration_error(with_temperature(given, temperature), label),
+            "ece_with_temperature": None
+            if temperature is None
+            else calibration_error(with_temperature(given, temperature), label),
         }
         for level, (given, label) in pairs.items()
     }

@@ -44,6 +44,19 @@ def test_rotations_do_not_change_what_an_invariant_classifier_answers(place, mon
         assert found["paired_95"][kind] == {"difference": 0.0, "low": 0.0, "high": 0.0}
     assert [row["frames"] for row in found["prefix_accuracy"]] == [1, 2, 3, 4]
     assert found["windows"] == found["videos"] == found["identities"] == 4
+    assert found["temperature"] > 0 and found["rotations"]["z"]["trials"][0]["clip"]["ece_with_temperature"] >= 0
+
+
+@pytest.mark.slow
+def test_without_validation_clips_there_is_no_temperature(place, monkeypatch, capsys):
+    (place / "alone").mkdir()
+    (place / "alone/test").symlink_to(place / "rig/test")
+    where = (f"clips=[{place}/alone]", f"rotations={place}/rotations", f"hydra.run.dir={place}/without")
+    run_command(eval_rotation, monkeypatch, "preset=smoke", f"model={place}/weights.safetensors", *where)
+    found = json.loads((place / "without/results.json").read_text())
+    assert found["temperature"] is None
+    assert found["rotations"]["so3"]["trials"][0]["video"]["ece_with_temperature"] is None
+    assert "z/SO3" in capsys.readouterr().out
 
 
 @pytest.mark.slow
