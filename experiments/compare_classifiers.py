@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 from rich.console import Console
 
-from aerojax.classify.base import Classifier, ClassifierConfig, with_card
+from aerojax.classify.base import Classifier, ClassifierConfig, Trainable, with_card
 from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.config import to_mapping
