@@ -26,6 +26,7 @@ from aerojax.capture.validate.findings import refuse
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.types import Camera
+from aerojax.geometry.geodesy import GeographicOrigin
 
 __all__ = [
     "Capture",
@@ -85,6 +86,8 @@ class Capture:
     warnings: what its user should know, one sentence each.
     mask_kind: what the masks hold of cameras that do not say it, by how they look (`aerojax.capture.codecs.mask` has
         the rule); None judges image by image.
+    origin: where the world's origin lies on the earth; its axes are then +X east, +Y north, +Z up.
+    outside: whether files may lie outside of `folder`, by absolute paths or links.
     """
 
     folder: Path
@@ -95,6 +98,8 @@ class Capture:
     missing: Literal["drop", "refuse"] = "drop"
     warnings: tuple[str, ...] = ()
     mask_kind: MaskKind | None = None
+    origin: GeographicOrigin | None = None
+    outside: bool = False
 
     def true_class(self, object_id: int | None) -> str | None:
         """The class that the truth gives this object, or all objects where it is None, if it gives one."""
@@ -117,7 +122,18 @@ def read_capture(folder: Path) -> Capture:
     truth = None if examined.truth is None else truth_from_json(examined.truth)
     warnings = tuple(str(warning) for warning in examined.warnings)
     missing = raw.get("missing", "drop")
-    return Capture(folder, float(raw["fps"]), raw["frames"], cameras, truth, missing, warnings, examined.masks)
+    return Capture(
+        folder,
+        float(raw["fps"]),
+        raw["frames"],
+        cameras,
+        truth,
+        missing,
+        warnings,
+        examined.masks,
+        GeographicOrigin(**{key: float(value) for key, value in raw["origin"].items()}) if "origin" in raw else None,
+        raw.get("outside", False),
+    )
 
 
 def _camera_from_json(raw: dict[str, Any]) -> CaptureCamera:
@@ -162,6 +178,10 @@ def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
     body: dict[str, Any] = {**head, "cameras": [_camera_to_json(camera) for camera in capture.cameras]}
     if capture.missing != "drop":
         body["missing"] = capture.missing
+    if capture.origin is not None:
+        body["origin"] = dataclasses.asdict(capture.origin)
+    if capture.outside:
+        body["outside"] = True
     if capture.truth is not None:
         body["truth"] = "truth.json"
         write_json(capture.folder / "truth.json", truth_to_json(capture.truth), indent=None)
@@ -186,7 +206,7 @@ def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
 def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capture:
     """The same capture in a turned world: x' = R x for cameras and truth. Images and boxes stay as they are.
 
-    Stored normals are directions of the old world, so their patterns are dropped.
+    Stored normals are directions of the old world, so their patterns are dropped, and so is the place on the earth.
 
     Raises:
         UserError: `rotation` is not orthonormal with determinant 1 (within 1e-6).
@@ -201,4 +221,4 @@ def rotate_world(capture: Capture, rotation: Float64[np.ndarray, "3 3"]) -> Capt
         dataclasses.replace(c, world_from_cam=turn @ c.world_from_cam, normal=None) for c in capture.cameras
     )
     truth = None if capture.truth is None else rotate_truth(capture.truth, rotation)
-    return dataclasses.replace(capture, cameras=cameras, truth=truth)
+    return dataclasses.replace(capture, cameras=cameras, truth=truth, origin=None)

@@ -102,7 +102,7 @@ def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndar
     index = source_frame(capture, camera_index, frame)
     if index is None:
         return None
-    path = locate(capture.folder, camera.rgb, index)
+    path = locate(capture.folder, camera.rgb, index, outside=capture.outside)
     if is_video(camera.rgb):
         image = _video_picture(path, frame / capture.fps - camera.time_offset_s, capture.fps)
         if image is None:
@@ -264,7 +264,7 @@ def _path(capture: Capture, camera_index: int, frame: int, kind: str) -> Path | 
     """The file of one kind of image; None without a pattern or where the camera was not recording."""
     index = source_frame(capture, camera_index, frame)
     pattern = getattr(capture.cameras[camera_index], kind)
-    return None if index is None or pattern is None else locate(capture.folder, pattern, index)
+    return None if index is None or pattern is None else locate(capture.folder, pattern, index, outside=capture.outside)
 
 
 def _video_picture(path: Path, time_s: float, fps: float) -> np.ndarray | None:

@@ -1,4 +1,7 @@
-"""File patterns of a capture: parsed by regular expression, never by `str.format`, and never outside the folder."""
+"""File patterns of a capture: parsed by regular expression, never by `str.format`.
+
+They stay within the capture's folder, unless the capture says that its files lie elsewhere (`outside`).
+"""
 
 from __future__ import annotations
 
@@ -25,16 +28,19 @@ def is_video(pattern: str) -> bool:
     return "{" not in pattern and pattern.lower().endswith(VIDEO_SUFFIXES)
 
 
-def pattern_problem(pattern: str, suffixes: tuple[str, ...], *, video: bool = False) -> str | None:
+def pattern_problem(
+    pattern: str, suffixes: tuple[str, ...], *, video: bool = False, outside: bool = False
+) -> str | None:
     """What is wrong with a file pattern, or None.
 
     Args:
         pattern: relative path with exactly one `{frame}` or `{frame:0Nd}`.
         suffixes: lower-case file endings that this kind of file may have.
         video: whether one video file may stand instead of the pattern.
+        outside: whether it may be absolute or lead out of the capture's folder.
     """
-    if outside := relative_path_problem(pattern):
-        return outside
+    if problem := path_problem(pattern, outside=outside):
+        return problem
     if video and is_video(pattern):
         return None
     if not _PATTERN.fullmatch(pattern):
@@ -46,10 +52,20 @@ def pattern_problem(pattern: str, suffixes: tuple[str, ...], *, video: bool = Fa
 
 def relative_path_problem(path: str) -> str | None:
     """Why a path of a capture could leave its folder, or None; reads nothing from the disk."""
+    return path_problem(path, outside=False)
+
+
+def path_problem(path: str, *, outside: bool) -> str | None:
+    """What is wrong with a path of a capture, or None; reads nothing from the disk.
+
+    Args:
+        path: relative to the capture's folder.
+        outside: whether it may be absolute or lead out of that folder.
+    """
     parts = path.replace("\\", "/").split("/")
-    if path.startswith(("/", "\\", "~")) or PureWindowsPath(path).drive:
+    if not outside and (path.startswith(("/", "\\", "~")) or PureWindowsPath(path).drive):
         return "is an absolute path"
-    if ".." in parts:
+    if not outside and ".." in parts:
         return "leaves the capture's folder with '..'"
     if "\\" in path or not path.isprintable() or not path.strip():
         return "is empty or contains a backslash or a control character"
@@ -74,23 +90,30 @@ def frame_paths(pattern: str, frames: Iterable[int]) -> Iterator[str]:
         yield f"{head}{frame:0{digits}d}{tail}"
 
 
-def is_inside(folder: Path, path: Path) -> bool:
-    """Whether `path` lies in `folder` after all symbolic links are followed; links in a circle lie nowhere."""
+def is_inside(folder: Path, path: Path, *, outside: bool = False) -> bool:
+    """Whether `path` lies in `folder` after all symbolic links are followed; links in a circle lie nowhere.
+
+    With `outside` it may lie anywhere.
+    """
     try:
-        return path.resolve().is_relative_to(folder.resolve())
+        return path.resolve().is_relative_to(folder.resolve()) or outside
     except (OSError, RuntimeError):
         return False
 
 
-def locate(folder: Path, pattern: str, frame: int) -> Path:
+def locate(folder: Path, pattern: str, frame: int, *, outside: bool = False) -> Path:
     """The file of one frame, safe to open.
+
+    Args:
+        folder, pattern, frame: of the capture.
+        outside: whether its files may lie elsewhere.
 
     Raises:
         UserError: the pattern leaves the folder, or the file is missing or not a regular file.
     """
     relative = frame_path(pattern, frame)
     path = folder / relative
-    if relative_path_problem(relative) or not is_inside(folder, path):
+    if path_problem(relative, outside=outside) or not is_inside(folder, path, outside=outside):
         raise UserError("invalid", f"{relative}: leaves the capture's folder {folder}", "put the file inside it")
     if not path.is_file():
         raise UserError("missing", f"{path}: the file is missing", "restore it or validate the capture")

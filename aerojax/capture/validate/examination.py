@@ -19,6 +19,7 @@ from aerojax.capture.validate.masks import check_masks
 from aerojax.capture.validate.truth import check_truth
 
 FORMAT, VERSION = "aerojax-capture", 1
+OPTIONAL = ("truth", "missing", "origin", "outside")
 OPTIONAL_IMAGES = ("mask", "depth", "coverage", "normal", "flow")
 MOST_FRAMES = 1_000_000  # nine hours at 30 frames per second
 LARGEST_SIDE = 16_384  # above every sensor in use; keeps a forged header from claiming the memory
@@ -61,9 +62,10 @@ def examine(folder: Path) -> Examination:
     raw = _load_json(folder, "capture.json", findings)
     if raw is None or not _is_known_format(raw, findings):
         return Examination(None, None, tuple(findings.problems))
-    findings.mapping(raw, "", ("format", "version", "fps", "frames", "cameras"), ("truth", "missing"))
+    findings.mapping(raw, "", ("format", "version", "fps", "frames", "cameras"), OPTIONAL)
     fps, frames = _check_clock(raw, findings)
-    clock = Clock(fps, frames, refuse=_check_missing(raw, findings) == "refuse")
+    clock = Clock(fps, frames, refuse=_check_missing(raw, findings) == "refuse", outside=_check_outside(raw, findings))
+    _check_origin(raw, findings)
     cameras = [_check_camera(c, f"cameras[{i}]", findings) for i, c in enumerate(_cameras(raw, findings))]
     _check_network(cameras, findings)
     for index, camera in enumerate(raw["cameras"] if isinstance(raw.get("cameras"), list) else ()):
@@ -136,6 +138,27 @@ def _check_missing(raw: dict[str, Any], findings: Findings) -> str:
     if chosen not in MISSING:
         findings.add("missing", f"must be {' or '.join(map(repr, MISSING))}, is {shown(chosen)}", "correct the word")
     return chosen
+
+
+def _check_outside(raw: dict[str, Any], findings: Findings) -> bool:
+    chosen = raw.get("outside", False)
+    if not isinstance(chosen, bool):
+        findings.add("outside", f"must be true or false, is {shown(chosen)}", "correct the value")
+    elif chosen:
+        message = "files may lie outside of the capture's folder, as capture.json asks for"
+        findings.warn("outside", message, "open such captures only from sources that you trust")
+    return chosen is True
+
+
+def _check_origin(raw: dict[str, Any], findings: Findings) -> None:
+    if "origin" not in raw:
+        return
+    origin = findings.mapping(raw["origin"], "origin", ("latitude", "longitude", "height"))
+    limits = {"latitude": 90.0, "longitude": 180.0, "height": 20_000.0}
+    for key in limits.keys() & (origin or {}).keys():
+        value = findings.number((origin or {})[key], f"origin.{key}")
+        if value is not None and abs(value) > limits[key]:
+            findings.add(f"origin.{key}", f"{value:g} is beyond ±{limits[key]:g}", "write degrees and metres (WGS 84)")
 
 
 def _check_offset(

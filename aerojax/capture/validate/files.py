@@ -67,7 +67,7 @@ def check_frame_files(folder: Path, camera: dict[str, Any], field: str, clock: C
             continue
         if not isinstance(pattern, str):
             found.add(f"{field}.{kind}", f"must be a file pattern, is {shown(pattern)}", "write text in quotes")
-        elif problem := pattern_problem(pattern, suffixes, video=kind == "rgb"):
+        elif problem := pattern_problem(pattern, suffixes, video=kind == "rgb", outside=clock.outside):
             found.add(f"{field}.{kind}", f"{shown(pattern)} {problem}", "use a path such as cam/rgb/{frame:06d}.png")
         elif is_video(pattern) and kind == "rgb":
             check_video(folder, camera, pattern, clock, f"{field}.rgb", found)
@@ -88,7 +88,7 @@ def _check_images(
     listings: dict[str, frozenset[str] | None] = {}
     total = clock.frames or 0
     for relative in frame_paths(camera[kind], range(total)):
-        message = _image_problem(folder, relative, camera, complaint, listings)
+        message = _image_problem(folder, relative, camera, complaint, listings, outside=clock.outside)
         if message:
             complaints.setdefault(message, []).append(relative)
     effect = "the camera is left out of these frames" if kind in ("rgb", "mask") else f"there is no {kind} in them"
@@ -107,17 +107,19 @@ def _image_problem(
     camera: dict[str, Any],
     complaint: Callable[[ImageHeader], str | None],
     listings: dict[str, frozenset[str] | None],
+    *,
+    outside: bool,
 ) -> _Complaint | None:
-    parent, _, name = relative.rpartition("/")
+    parent, slash, name = relative.rpartition("/")
     if parent not in listings:  # one look at the disk a folder: following links and asking file by file is slow
-        listings[parent] = _listing(folder, folder / parent)
+        listings[parent] = _listing(folder, folder / (parent or slash), outside=outside)
     names = listings[parent]
     if names is None:
         return _Complaint("links out of the capture's folder")
     if name not in names:
         return _Complaint("the file is missing", lost=True)
     path = folder / relative
-    if path.is_symlink() and not is_inside(folder, path):
+    if path.is_symlink() and not is_inside(folder, path, outside=outside):
         return _Complaint("links out of the capture's folder")
     if not path.is_file():
         return _Complaint("the file is missing", lost=True)
@@ -129,8 +131,8 @@ def _image_problem(
     return _Complaint(wrong) if wrong else None
 
 
-def _listing(folder: Path, parent: Path) -> frozenset[str] | None:
+def _listing(folder: Path, parent: Path, *, outside: bool) -> frozenset[str] | None:
     """Names in a folder of the capture, empty where there is no such folder; None where it lies outside."""
-    if not is_inside(folder, parent):
+    if not is_inside(folder, parent, outside=outside):
         return None
     return frozenset(entry.name for entry in parent.iterdir()) if parent.is_dir() else frozenset()

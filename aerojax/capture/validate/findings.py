@@ -69,11 +69,13 @@ class Clock:
 
     fps, frames: of the capture; None (itself a problem) skips what depends on it.
     refuse: whether missing and damaged files are problems; otherwise they are warnings, unless there are no others.
+    outside: whether files may lie outside of the capture's folder.
     """
 
     fps: float | None
     frames: int | None
     refuse: bool
+    outside: bool = False
 
 
 def size_problem(width: int, height: int, camera: dict[str, Any]) -> str | None:

@@ -43,16 +43,16 @@ def _examples(folder: Path, index: int, camera: dict[str, Any], clock: Clock, fo
     pattern, levels = camera.get("mask"), []
     if pattern is None or clock.frames is None:
         return levels
-    files = (folder / relative for relative in frame_paths(pattern, range(clock.frames)))
-    for size, path in heapq.nlargest(LOOKED_AT, ((_size(path), path) for path in files)):
+    files = frame_paths(pattern, range(clock.frames))
+    for size, relative in heapq.nlargest(LOOKED_AT, ((_size(folder / one), one) for one in files)):
         try:
-            levels += [decode_mask(path.read_bytes())] if size else []
+            levels += [decode_mask((folder / relative).read_bytes())] if size else []
         except OSError:
             continue  # found to be missing or unreadable where the files are checked
         except BrokenMask as broken:
             if broken.damaged:
                 continue  # left out, and named, in its frame
-            found.add(f"cameras[{index}].mask", broken.problem, broken.remedy, file=str(path.relative_to(folder)))
+            found.add(f"cameras[{index}].mask", broken.problem, broken.remedy, file=relative)
             break
     return levels
 

@@ -27,7 +27,7 @@ def check_video(folder: Path, camera: dict[str, Any], name: str, clock: Clock, f
         found: where problems and warnings go.
     """
     path = folder / name
-    if not is_inside(folder, path):
+    if not is_inside(folder, path, outside=clock.outside):
         found.add(field, "links out of the capture's folder", "put the file into the folder", file=name)
         return
     if not path.is_file():

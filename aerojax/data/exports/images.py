@@ -36,7 +36,7 @@ def recorded_frames(capture: Capture, camera_index: int) -> list[int]:
         return frames
     camera = capture.cameras[camera_index]
     if is_video(camera.rgb):
-        times = open_video(locate(capture.folder, camera.rgb, 0)).times()
+        times = open_video(locate(capture.folder, camera.rgb, 0, outside=capture.outside)).times()
         asked = np.array(frames, np.float64) / capture.fps - camera.time_offset_s
         there = pictures_near(times, asked, 0.5 / capture.fps)
         frames = [frame for frame, found in zip(frames, there.tolist(), strict=True) if found]
@@ -84,7 +84,7 @@ def place_image(
     assert index is not None, "callers ask for recorded frames"
     target.parent.mkdir(parents=True, exist_ok=True)
     if not is_video(camera.rgb) and camera.distortion_model == "none":
-        source = locate(capture.folder, camera.rgb, index)
+        source = locate(capture.folder, camera.rgb, index, outside=capture.outside)
         if source.suffix.lower() in suffixes:
             path = target.with_name(target.name + source.suffix.lower())
             if has_orientation(source):
