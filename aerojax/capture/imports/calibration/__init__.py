@@ -1,0 +1,1 @@
+"""Calibrations of camera networks as other tools write them: one door, a member a format."""
