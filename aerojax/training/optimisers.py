@@ -9,6 +9,9 @@ import jax
 import jax.numpy as jnp
 import optax
 
+from aerojax.core.errors import UserError
+from aerojax.core.tensors import parameter_names
+
 
 @dataclass(frozen=True)
 class OptimiserConfig:
@@ -21,6 +24,8 @@ class OptimiserConfig:
         code keeps it through each of its 50 epochs; 0 changes it with every step.
     weight_decay, beta1, beta2: of AdamW.
     clip_norm: global norm at which gradients are cut.
+    slow: parameters with this word in their names are a group of their own; empty for one group.
+    slow_rate: learning rate of that group over the others'.
     """
 
     learning_rate: float = 1e-3
@@ -31,6 +36,8 @@ class OptimiserConfig:
     beta1: float = 0.9
     beta2: float = 0.95
     clip_norm: float = 1.0
+    slow: str = ""
+    slow_rate: float = 0.1
 
 
 def decays(parameters: Any) -> Any:
@@ -73,7 +80,7 @@ def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
 
 def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
     """The optimiser for a run of `steps` updates."""
-    chain = optax.chain(
+    parts = [
         optax.clip_by_global_norm(config.clip_norm),
         optax.adamw(
             learning_rate(config, steps),
@@ -82,10 +89,26 @@ def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
             weight_decay=config.weight_decay,
             mask=decays,
         ),
-    )
+    ]
+    if config.slow:
+        # AdamW's change, decay included, is proportional to its rate.
+        parts.append(optax.masked(optax.scale(config.slow_rate), lambda tree: _named(tree, config.slow)))
+    chain = optax.chain(*parts)
 
     def update(updates: Any, state: Any, params: Any = None) -> tuple[Any, Any]:
         with jax.numpy_dtype_promotion("standard"):  # optax raises decays to integer powers
             return chain.update(updates, state, params)
 
     return optax.GradientTransformation(chain.init, update)
+
+
+def _named(parameters: Any, word: str) -> Any:
+    """Which leaves have a word in their names.
+
+    Raises:
+        UserError: none has.
+    """
+    names = [name for name, _ in parameter_names(parameters)]
+    if not any(word in name for name in names):
+        raise UserError("mismatch", f"optimiser.slow={word} is in no name of {len(names)} parameters", "correct it")
+    return jax.tree.unflatten(jax.tree.structure(parameters), [word in name for name in names])
