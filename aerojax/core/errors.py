@@ -12,6 +12,7 @@ Code = Literal[
     "out-of-range",
     "occupied",
     "unavailable",
+    "unwritable",
     "no-usable-frames",
     "object-absent",
 ]
@@ -24,6 +25,7 @@ mismatch: two things that do not fit each other.
 out-of-range: a value of the configuration that cannot be used.
 occupied: the place for an output holds something else already.
 unavailable: an optional package or a device is not there.
+unwritable: a disk is full, or a place takes no files.
 no-usable-frames: no frame of a capture shows its object to enough cameras.
 object-absent: the object to follow is in no mask.
 """

@@ -9,6 +9,7 @@ if __name__ == "__main__":
 
 from __future__ import annotations
 
+import errno
 import functools
 import importlib
 import inspect
@@ -42,6 +43,9 @@ PACKAGE = __name__.removesuffix("._launch.command")
 RECORD = "run.json"
 """Where a run's directory holds its configuration and origin."""
 
+UNWRITABLE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR}
+"""Errors of the system that are no bugs: a full disk, a quota, a read-only place, a permission, a file for a folder."""
+
 _Config = TypeVar("_Config")
 
 
@@ -65,8 +69,8 @@ def experiment(
     """Make `main(config, run)` a command line: `python -m experiments.<name> [key=value …] [-m] [--help]`.
 
     The configuration is the defaults of `config_type`, changed by `conf/<name>.yaml` and the command line, converted
-    once and strictly. A `UserError` ends the process with code 2 and its message alone; any other exception is a bug
-    and keeps its traceback.
+    once and strictly. A `UserError`, and a disk that is full or may not be written, end the process with code 2 and one
+    line; any other exception is a bug and keeps its traceback.
 
     Args:
         config_type: what `main` takes.
@@ -89,8 +93,8 @@ def experiment(
                     return print(f"{directory} is finished; delete {finished_by} in it to run it again")
                 write_json(directory / RECORD, {**provenance(run.overrides), "experiment": name, "config": values})
                 act(config, run)
-            except (UserError, OmegaConfBaseException) as error:
-                if HydraConfig.get().mode == RunMode.MULTIRUN:
+            except (UserError, OmegaConfBaseException, OSError) as error:
+                if not _is_told(error) or HydraConfig.get().mode == RunMode.MULTIRUN:
                     raise  # the other runs of a sweep go on
                 _refuse(error)  # here, because Hydra announces every exception that reaches it with a line of its own
 
@@ -107,7 +111,9 @@ def experiment(
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)
             try:
                 entry()
-            except (UserError, HydraException, OmegaConfBaseException) as error:
+            except (UserError, HydraException, OmegaConfBaseException, OSError) as error:
+                if not _is_told(error):
+                    raise
                 _refuse(error)
             except KeyboardInterrupt:
                 print("interrupted", file=sys.stderr)
@@ -160,6 +166,16 @@ def is_finished(directory: Path, result: str, values: Any, ignoring: tuple[str, 
     return False
 
 
+def _is_told(error: Exception) -> bool:
+    """Whether an exception is for people and no bug."""
+    return not isinstance(error, OSError) or error.errno in UNWRITABLE
+
+
 def _refuse(error: Exception) -> NoReturn:
+    if isinstance(error, OSError):
+        where = f"{error.filename or error.filename2}: " if error.filename or error.filename2 else ""
+        error = UserError(
+            "unwritable", f"{where}{error.strerror}", "free space there, or choose a place that takes files"
+        )
     print(f"error: {error}", file=sys.stderr)
     sys.exit(2)

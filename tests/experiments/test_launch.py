@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -72,6 +74,35 @@ def test_a_bug_keeps_its_traceback(monkeypatch, tmp_path):
     monkeypatch.setattr(classify, "load_classifier", lambda path: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
+def test_a_full_or_read_only_disk_is_one_message(monkeypatch, tmp_path, capsys, code):
+    def refuse(path):
+        raise OSError(code, os.strerror(code), "weights")
+
+    monkeypatch.setattr(classify, "load_classifier", refuse)
+    with pytest.raises(SystemExit) as ended:
+        run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
+    assert ended.value.code == 2
+    expected = f"error: weights: {os.strerror(code)}; free space there, or choose a place that takes files\n"
+    assert capsys.readouterr().err == expected
+
+
+def test_an_error_of_the_system_that_is_a_bug_keeps_its_traceback(monkeypatch, tmp_path):
+    def refuse(path):
+        raise BrokenPipeError(errno.EPIPE, "pipe")
+
+    monkeypatch.setattr(classify, "load_classifier", refuse)
+    with pytest.raises(BrokenPipeError):
+        run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/run")
+
+
+def test_a_run_directory_below_a_file_is_one_message(monkeypatch, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SystemExit) as ended:
+        run_command(classify, monkeypatch, "preset=smoke", f"hydra.run.dir={tmp_path}/file/run")
+    assert ended.value.code == 2 and capsys.readouterr().err.startswith(f"error: {tmp_path}/file/run")
 
 
 def test_unknown_override_as_a_process(tmp_path):
