@@ -23,6 +23,7 @@ class ViewSet:
 
     rgb, mask, valid, K, world_from_cam: crops as the pipeline cuts them: sRGB and coverage as bytes, whether the view
         counts, the stated cameras.
+    width_px: longer side of the object's box in the cameras' own images, median.
     target_rgb: the object alone over black from other places, sRGB times coverage, bytes; over a background of any
         colour it is target_rgb + (1 - target_mask)·colour.
     target_mask: coverage, bytes.
@@ -36,6 +37,7 @@ class ViewSet:
     valid: Bool[np.ndarray, "scene view"]
     K: Float32[np.ndarray, "scene view 3 3"]
     world_from_cam: Float32[np.ndarray, "scene view 4 4"]
+    width_px: Float32[np.ndarray, "scene"]
     target_rgb: UInt8[np.ndarray, "scene target size size 3"]
     target_mask: UInt8[np.ndarray, "scene target size size"]
     target_relief: Float16[np.ndarray, "scene target size size"]

@@ -105,7 +105,7 @@ class FactoryConfig:
     attempts: draws of one clip before it is given up.
     tokens: Gaussians kept of each frame.
     images: samples of pixels; its mask threshold is drawn instead.
-    pipeline: from images to Gaussians.
+    pipeline: from images to Gaussians; training sees no frame of two views, of which little can be learnt.
     """
 
     seed: int = 0
@@ -120,7 +120,7 @@ class FactoryConfig:
     flights: FlightRanges = field(default_factory=FlightRanges)
     faults: FaultRanges = field(default_factory=FaultRanges)
     images: ImageConfig = field(default_factory=lambda: ImageConfig(depth=False, rays_across=256))
-    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    pipeline: PipelineConfig = field(default_factory=lambda: PipelineConfig(min_views=3))
 
     def __post_init__(self) -> None:
         for group in (self.rigs, self.flights, self.faults):

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.core.colour import srgb_from_linear
@@ -50,7 +51,8 @@ class ViewsConfig:
     solids: share of them that are solids of no class.
     poses: scenes of each object.
     targets: views of each scene that nothing is reconstructed from.
-    near: share of the targets that lie between the cameras, or up to `apart_deg` off them; the others lie anywhere.
+    near: share of the targets that lie between the cameras, or up to `apart_deg` off them; the others are spread evenly
+        over the sphere, which is turned at random.
     apart_deg: see `near`.
     margin: window of a target over the object in it.
     size: side of all images, pixels.
@@ -103,6 +105,14 @@ class ViewsConfig:
             faults=self.faults,
             pipeline=PipelineConfig(crop_size=self.size),
         )
+
+
+def fibonacci_directions(count: int) -> Float64[np.ndarray, "view 3"]:
+    """Unit, even on the sphere: heights in equal steps, each turned by the golden angle (González 2010)."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    flat = np.sqrt(1 - z * z)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
 
 
 def objects_of(config: ViewsConfig) -> tuple[Identity, ...]:
@@ -159,6 +169,7 @@ def _contexts(crops: ClipCrops) -> dict[str, np.ndarray]:
         "valid": crops.valid[0],
         "K": crops.K[0].astype(np.float32),
         "world_from_cam": crops.crop_from_cam[0].astype(np.float32),
+        "width_px": np.float32(crops.width_px),
     }
 
 
@@ -186,9 +197,11 @@ def _targets(
     renderer.pose(seconds, pose)
     vertices = mesh.vertices_at(seconds).astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
     centres = crops.crop_from_cam[0][crops.valid[0]][:, :3, 3] @ world_from_crop[:3, :3].T
-    found = []
+    near, found = round(config.near * config.targets), []
+    turn = Rotation.random(random_state=rng).as_matrix()
+    spread = fibonacci_directions(max(config.targets - near, 1)) @ turn.T
     for number in range(config.targets):
-        away = _direction(centres, number < round(config.near * config.targets), config, rng)
+        away = _between(centres, config, rng) if number < near else spread[number - near]
         distance = float(np.median(np.linalg.norm(centres, axis=1)))
         centre = world_from_crop[:3, 3] + distance * away
         camera = target_camera(centre, world_from_crop[:3, 3], vertices, config.size, uniform(rng, config.margin))
@@ -205,22 +218,18 @@ def _targets(
     }
 
 
-def _direction(
-    centres: Float64[np.ndarray, "camera 3"], near: bool, config: ViewsConfig, rng: np.random.Generator
+def _between(
+    centres: Float64[np.ndarray, "camera 3"], config: ViewsConfig, rng: np.random.Generator
 ) -> Float64[np.ndarray, "3"]:
-    """Unit, from the object: between two of the cameras and a little off, or uniform on the sphere."""
-    anywhere = rng.normal(size=3)
-    anywhere /= np.linalg.norm(anywhere)
+    """Unit, from the object: between two of the cameras and a little off."""
     directions = centres / np.linalg.norm(centres, axis=1, keepdims=True)
     first, second = directions[rng.integers(len(directions), size=2)]
     share, off = rng.uniform(), np.tan(np.deg2rad(rng.uniform(0.0, config.apart_deg)))
-    between = first + share * (second - first)
-    length = np.linalg.norm(between)
-    if not near or length < 0.2:
-        return anywhere
-    between = between / length
-    aside = np.cross(between, anywhere)
-    aimed = between + off * aside / max(float(np.linalg.norm(aside)), 1e-9)
+    middle = first + share * (second - first)
+    # Two cameras on opposite sides have no direction between them.
+    middle = first if np.linalg.norm(middle) < 0.2 else middle / np.linalg.norm(middle)
+    aside = np.cross(middle, rng.normal(size=3))
+    aimed = middle + off * aside / max(float(np.linalg.norm(aside)), 1e-9)
     return aimed / np.linalg.norm(aimed)
 
 
@@ -243,7 +252,7 @@ def target_camera(
 
 
 def target_image(renderer: WindowRenderer, camera: CaptureCamera, distance: float) -> dict[str, np.ndarray] | None:
-    """The object alone: sRGB times coverage, coverage, both bytes, and depth less `distance`; None where it is unseen."""
+    """The object alone: sRGB times coverage, coverage, and depth less `distance`; None where it is unseen."""
     layers = renderer.layers(camera)
     if layers is None or not layers.coverage.any():
         return None

@@ -11,13 +11,12 @@ from aerojax.geometry.cameras import pixel_rays
 from aerojax.geometry.rotations import normalise
 from aerojax.reconstruct.lgm.config import LgmConfig
 from aerojax.reconstruct.lgm.unet import LgmNetwork
+from aerojax.reconstruct.packing import visible_first
 
 WINDOW = 1.37
 """Width of the canonical cameras' image at the object: 49.1° seen from 1.5 (Tang et al. 2024)."""
 LARGEST_SCALE = 0.1
 """Factor of softplus in a standard deviation, in canonical units."""
-LEAST_OPACITY = 1 / 255
-"""What no splat draws (Kerbl et al. 2023)."""
 
 
 @pytree_dataclass
@@ -33,12 +32,7 @@ class Lgm:
 
     def __call__(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, Int[Array, ""]]:
         """See `Reconstructor`: Gaussians that can be seen come first."""
-        found = self._gaussians(views, valid)
-        seen = found.opacity > LEAST_OPACITY
-        count = jnp.sum(seen)
-        order = jnp.argsort(~seen, stable=True)
-        index = jnp.where(jnp.arange(len(order)) < count, order, order[0])
-        return jax.tree.map(lambda leaf: leaf[index], found), count
+        return visible_first(self._gaussians(views, valid))
 
     def steps(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, ...]:
         """See `TrainableReconstructor`: one step, in the order of the pixels."""
