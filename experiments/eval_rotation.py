@@ -24,6 +24,13 @@ from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
+EXACT = (
+    "exactly invariant: a rotation of a whole clip changes no answer and, in training, no loss beyond rounding, so "
+    "none/none, z/z, z/SO3 and SO3/SO3 of one training are one number; z/SO3_pf turns each frame by itself"
+)
+"""What is said of the protocols of a classifier whose card says so."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Config(RotationTrials):
     """Which models on which clips.
@@ -97,6 +104,7 @@ def _measure(config: Config, path: Path | None) -> tuple[dict[str, Any], Windows
         "model": str(path or classifier.card.name),
         "trained": trained,
         "exactly_invariant": exact,
+        "note": EXACT if exact else "",
         "protocols": protocols,
     }
     return figures | figures_of(answers, test, config), test, answers
