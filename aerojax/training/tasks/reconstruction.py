@@ -17,6 +17,7 @@ from aerojax.core.images import dilate, peak_signal_to_noise, structural_similar
 from aerojax.core.types import Camera, Gaussians, View, pytree_dataclass
 from aerojax.data.views import ViewSet
 from aerojax.evaluate.perceptual import Perceptual
+from aerojax.evaluate.reconstruction import SURROUND
 from aerojax.gaussians.render import Rendering, render
 from aerojax.reconstruct.base import TrainableConfig, TrainableReconstructor
 from aerojax.training.distribution import own_share
@@ -26,9 +27,6 @@ from aerojax.training.variation import epoch_order
 FAR = 1.04 / 1.37
 """Where the background lies behind the object, in widths of the window at the object: the thesis' far plane of 2.54 m
 behind cameras at 1.5 m whose images are 1.37 m wide there (§5.5.1)."""
-
-SURROUND = 32
-"""Pixels of an image's width for each pixel around the mask in which a shape that is too fat shows."""
 
 
 @dataclass(frozen=True)
