@@ -23,7 +23,6 @@ from aerojax.evaluate.rotations import protocols_of
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
-
 EXACT = (
     "exactly invariant: a rotation of a whole clip changes no answer and, in training, no loss beyond rounding, so "
     "none/none, z/z, z/SO3 and SO3/SO3 of one training are one number; z/SO3_pf turns each frame by itself"

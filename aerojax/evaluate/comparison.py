@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -85,16 +86,21 @@ def _cell(figure: Mapping[str, float | None]) -> str:
     return f"{100 * mean:.1f}" + ("" if std is None else f" ± {100 * std:.1f}") if mean is not None else "-"
 
 
-def write_table(folder: Path) -> str:
-    """Write `table.json` and `table.md` of the ended runs below a folder; return the Markdown, "" if there are none."""
+def write_table(folder: Path, command: str) -> str:
+    """Write `table.json` and `table.md` of the ended runs below a folder; return the Markdown, "" if there are none.
+
+    Args:
+        folder: of the sweep.
+        command: what began it, for `table.json`.
+    """
     runs = [json.loads(path.read_text()) for path in sorted(folder.rglob(RESULT))]
     if not runs:
         return ""
     steps = runs[0]["rows"] == "steps"
     rows = (ablation_rows if steps else comparison_rows)(runs)
-    write_json(
-        folder / "table.json", {"runs": len(runs), "rows": rows, "commits": sorted({str(r["commit"]) for r in runs})}
-    )
+    origin = {"command": command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
+    origin |= {"commits": sorted({str(run["commit"]) for run in runs}), "machine": runs[0]["machine"]}
+    write_json(folder / "table.json", {**origin, "runs": len(runs), "rows": rows})
     text = (ablation_markdown if steps else table_markdown)(rows)
     write_text(folder / "table.md", text)
     return text

@@ -19,11 +19,16 @@ class SweepTable(Callback):
     def on_job_end(self, config: DictConfig, job_return: Any, **kwargs: Any) -> None:
         """After each run of a sweep."""
         if config.hydra.mode == RunMode.MULTIRUN:
-            write_table(Path(config.hydra.sweep.dir))
+            write_table(Path(config.hydra.sweep.dir), _command(config))
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
         """After the last run, also where all were finished before."""
         folder = Path(config.hydra.sweep.dir)
         console = Console()
-        console.print(write_table(folder), markup=False, soft_wrap=True)
+        console.print(write_table(folder, _command(config)), markup=False, soft_wrap=True)
         console.print(str(folder / "table.md"), soft_wrap=True)
+
+
+def _command(config: DictConfig) -> str:
+    """The command line of a sweep, or of one of its runs."""
+    return " ".join([f"python -m experiments.{config.hydra.job.name}", *config.hydra.overrides.task])
