@@ -1,0 +1,1 @@
+"""Which acts are killed, and what they work on."""
