@@ -8,11 +8,13 @@ import os
 import platform
 import sys
 import traceback
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import jax
 
+from aerojax.core.provenance import commit
 from experiments import _benchmarks
 
 SECTIONS = sorted(path.stem for path in (Path(__file__).parent / "_benchmarks").glob("[!_]*.py"))
@@ -20,7 +22,7 @@ SECTIONS = sorted(path.stem for path in (Path(__file__).parent / "_benchmarks").
 
 
 def measure(sections: list[str]) -> dict[str, Any]:
-    """Figures by section, and the machine that made them."""
+    """Figures by section, the machine that made them, and what is needed to make them again."""
     machine = {
         "processor": platform.machine(),
         "cores": os.cpu_count(),
@@ -28,7 +30,11 @@ def measure(sections: list[str]) -> dict[str, Any]:
         "jax": jax.__version__,
         "python": platform.python_version(),
     }
-    measured: dict[str, Any] = {}
+    measured: dict[str, Any] = {
+        "command": " ".join(["python -m experiments.benchmark", *sections]),
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "commit": commit(),
+    }
     for name in sections:
         print(f"{name} …", file=sys.stderr, flush=True)
         try:
