@@ -1,0 +1,1 @@
+"""DepthSplat-OC: depth from a plane sweep and a monocular branch, one Gaussian a pixel (thesis §5.5.1)."""
