@@ -22,7 +22,8 @@ class PipelineConfig:
     segment, track, reconstruct: the members of the stages, by name.
     crop_size: side of the virtual-camera crops, pixels.
     view_size: side of the smaller crops that classifiers of views read, pixels.
-    min_views: cameras that must show the whole object; a frame with fewer is dropped.
+    min_views: cameras that must show the whole object; a frame with fewer is dropped. Two make a hull, but nothing
+        tells whether they are right: `TrustConfig.least_views` calls such answers unsure.
     decimation: from the reconstructor's Gaussians to the classifier's.
     lost_after: frames without an object after which it is lost; it appears anew when it comes again.
     """
@@ -32,7 +33,7 @@ class PipelineConfig:
     reconstruct: ReconstructorConfig = field(default_factory=HullConfig)
     crop_size: int = 128
     view_size: int = 32
-    min_views: int = 3
+    min_views: int = 2
     decimation: DecimationConfig = field(default_factory=DecimationConfig)
     lost_after: int = 90
 

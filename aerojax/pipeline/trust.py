@@ -19,7 +19,7 @@ _RECENT_S = 0.5
 
 Status = Literal["ok", "unsure", "insufficient"]
 """ok: the label is the answer. unsure: it is the likeliest, no more. insufficient: too little was seen to say that."""
-ReasonCode = Literal["few-frames", "frames-dropped", "cameras-disagree", "low-probability"]
+ReasonCode = Literal["few-frames", "frames-dropped", "few-views", "cameras-disagree", "low-probability"]
 """Why an answer is not ok: the first two make it insufficient, the others unsure."""
 
 
@@ -36,6 +36,7 @@ class TrustConfig:
 
     least_frames: usable ones.
     least_share: usable frames, of those in which a camera shows the object.
+    least_views: cameras that show the whole object, mean over the usable frames: two always agree.
     most_disagreement: `Disagreement.level` of cameras that agree.
     most_offset: by which the one camera that is most likely wrong displaces the object, shares of its size.
     least_probability: of the likeliest class; below it the label is wrong more often than right.
@@ -43,6 +44,7 @@ class TrustConfig:
 
     least_frames: int = 3
     least_share: float = 0.5
+    least_views: float = 2.5
     most_disagreement: float = 1.3
     most_offset: float = 0.12
     least_probability: float = 0.5
@@ -129,7 +131,7 @@ def judge(
         trust: levels.
         fps: says lateness in frames, too.
     """
-    reasons = [*_too_little(record, trust)]
+    reasons = [*_too_little(record, trust), *_too_few_views(record, trust)]
     sums, guess = record.sums, suspect(record.sums)
     displaced = guess is not None and guess.offset_m > trust.most_offset * sums.mean_size
     if inconsistent := sums.level > trust.most_disagreement or displaced:
@@ -150,6 +152,14 @@ def _too_little(record: Record, trust: TrustConfig) -> list[Reason]:
         text = f"only {record.used} of the {shown} frames that show the object could be used"
         return [Reason("frames-dropped", text)]
     return []
+
+
+def _too_few_views(record: Record, trust: TrustConfig) -> list[Reason]:
+    views = record.sums.views
+    if views is None or views >= trust.least_views:
+        return []
+    text = f"{views:.1f} cameras a frame show the whole object; only three or more can contradict each other"
+    return [Reason("few-views", text)]
 
 
 def _disagreement_text(

@@ -21,8 +21,8 @@ from aerojax.reconstruct.consistency import Consistency, consistency, uncovered_
 
 MOST_UNCOVERED = 0.25
 """Share of the silhouettes, median over the cameras, that a reconstruction may leave bare before shifts are tried."""
-MOST_SHIFT = 1.0
-"""Object sizes by which a camera's picture may be displaced; what is further away is perhaps another object."""
+MOST_SHIFT = 3.0
+"""Object sizes by which a camera's picture may be displaced; what is further away is another object."""
 _ROUNDS = 3
 """Tangent planes turn as the cameras move: after three rounds the rest is far below a pixel."""
 

@@ -112,6 +112,11 @@ class Disagreement:
         return float(np.sqrt(self.squares / self.rows)) if self.rows else 0.0
 
     @property
+    def views(self) -> float | None:
+        """Cameras that count, mean over the frames; None before the first."""
+        return float(self.seen.sum()) / self.frames if self.frames else None
+
+    @property
     def mean_size(self) -> float:
         """Of the object, metres."""
         return self.size / max(self.frames, 1)

@@ -80,7 +80,8 @@ def turned_network(degrees: float):
 
 
 def test_silhouettes_that_meet_in_no_way_are_a_dropped_frame():
-    cameras, stated = turned_network(30)
+    cameras, backwards = network(), np.diag([1.0, -1.0, -1.0, 1.0])  # OpenGL axes
+    stated = [replace(camera, world_from_cam=camera.world_from_cam @ backwards) for camera in cameras]
     events = run(make_pipeline(stated, SMALL, key=KEY), frame_sets(cameras, range(1)))
     assert [type(event) for event in events] == [Appeared, Dropped]
     assert events[1].code == "silhouettes-disjoint" and "calibration" in events[1].text

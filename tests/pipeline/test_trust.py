@@ -55,6 +55,20 @@ def test_what_is_missing_is_said(record, chances, status, code, words):
     assert words in found.reasons[0].text
 
 
+def test_two_cameras_are_believed_less():
+    def verdict(cameras: int, trust: TrustConfig = TRUST):
+        nothing = [np.zeros_like(FRAMES[0].ids[0])] * (4 - cameras)
+        blind = [replace(f, ids=(*f.ids[:cameras], *nothing)) for f in FRAMES]
+        events, record = run(CAMERAS, blind)
+        assert sum(isinstance(event, Updated) for event in events) == len(FRAMES)
+        return judge(record, CAMERAS, SURE, trust)
+
+    found = verdict(2)
+    assert found.status == "unsure" and [reason.code for reason in found.reasons] == ["few-views"]
+    assert found.reasons[0].text.startswith("2.0 cameras a frame")
+    assert verdict(3).status == verdict(2, replace(TRUST, least_views=2.0)).status == "ok"
+
+
 def test_thresholds_are_those_of_the_configuration():
     assert judge(replace(SEEN, used=2), CAMERAS, SURE, replace(TRUST, least_frames=2)).status == "ok"
     assert judge(replace(SEEN, used=4, unusable=5), CAMERAS, SURE, replace(TRUST, least_share=0.4)).status == "ok"

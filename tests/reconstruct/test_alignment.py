@@ -83,7 +83,7 @@ def test_shifts_turn_with_the_rig():
     assert np.abs(there - here).max() > 0.05
 
 
-def test_what_is_further_away_than_the_object_is_long_is_another_object():
+def test_what_is_far_away_is_another_object():
     seen = observed(FRAME, turned(CAMERAS, 1, (0.0, 30.0, 0.0)))
     assert misplaced(seen.views, seen.valid) is None
     made, asked = aligned(seen)
