@@ -16,7 +16,10 @@ from experiments._launch.progress import progress_bar, shown_in
 
 @dataclass(frozen=True, kw_only=True)
 class Config(SurveyConfig):
-    """What to describe: folders of generated data sets."""
+    """What to describe.
+
+    dataset: folders of generated data sets.
+    """
 
     preset: str
     dataset: tuple[Path, ...]

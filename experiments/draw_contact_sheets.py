@@ -21,6 +21,7 @@ class Config:
     """Whose sheets are drawn, and where they go.
 
     out: folder of the sheets, <class>.jpg; the run's directory if None. assets: USD stages of the identities.
+    splits: whose identities are drawn. labels: only these classes. sheet: its cells.
     """
 
     preset: str

@@ -41,6 +41,7 @@ class Config:
     also: further ones, counted apart; the groups hold both.
     datasets: that the clips were made from; a sequence of theirs whose clip is not in the folder of its rig counts as
         wrong. Folders of rigs that they do not have are taken as they are.
+    split: of the folders, which is measured.
     frames: clips are cut or padded to so many.
     seed, draws: of the intervals.
     """

@@ -28,9 +28,12 @@ LIGHTS = ("albedo", "lit")
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """One measurement: individuals a family (or a class, if not None), views of each, their size, draws of chance.
+    """One measurement.
 
     assets: USD stages of the identities.
+    width, height: of a view, pixels. views: of each individual.
+    per_family: individuals of each family. per_class: of each class instead, if not null.
+    permutations: draws of chance that the answer is compared with.
     """
 
     preset: str

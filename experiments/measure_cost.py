@@ -40,6 +40,7 @@ class Config:
     untrained: members to measure with random weights, which cost the same, by name.
     views: cameras before the members. pipeline: what their stage is given.
     variant, mode, sizes: of MambaSplat, each with each.
+    repeats: calls, of which the median counts.
     """
 
     preset: str

@@ -27,8 +27,8 @@ class Config:
     """Which models, which clips, how many rotations.
 
     model: weights, one file or several (as of several seeds); the shipped ones if there are neither these nor modes.
-    mode: modes of untrained models to measure besides, with `variant` and `lifting`, one model for each of `seeds`.
-    clips: folders of `reconstruct_dataset`; `count` clips of `split` are used, each by its first window.
+    mode: modes of untrained models to measure besides. variant, lifting: of these. seeds: one such model for each.
+    clips: folders of `reconstruct_dataset`. split: of theirs. count: clips that are used, each by its first window.
     frames, tokens: of a window.
     rotations: of every clip in single precision; double: in double precision.
     """

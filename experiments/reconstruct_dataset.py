@@ -18,6 +18,8 @@ from experiments._launch.progress import progress_bar
 class Config(ClipsConfig):
     """Which data sets, and where their clips go.
 
+    datasets: folders of `generate_dataset`. folder: of the clips, one folder a rig in it.
+    pipeline: from images to Gaussians. workers: processes.
     only: patterns of sequence names: `only=[sim1_*_r016_*,sim2_*]`.
     """
 

@@ -33,6 +33,8 @@ class Config:
 
     views: folders of `generate_views`, each with train/ and val/.
     most: training scenes at most; None for all. val_scenes: of the validation scenes, so many.
+    model: the member and its sizes. scenes: what is drawn of a scene. loss: what is learnt. perceptual: its network.
+    training: its length.
     tensorboard: write curves to `curves/` of the run's directory.
     distribution: the processes that train together; each needs a run directory of its own.
     """

@@ -89,6 +89,7 @@ TRUNKS: dict[Distance, tuple[_Layers, ...]] = {
 class PerceptualConfig:
     """Which distance, if any.
 
+    name: which network, or none.
     weights: file of the published module's parameters; None takes those of the installed package, which only
         `stlpips-alex` has.
     """

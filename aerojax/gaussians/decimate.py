@@ -14,7 +14,10 @@ from kernels.sampling.farthest_points import farthest_points
 
 @dataclass(frozen=True)
 class DecimationConfig:
-    """Sizes of the chain: `draw` at random, `farthest` of them by farthest points, `keep` of those at random."""
+    """Sizes of the chain.
+
+    draw: Gaussians drawn at random. farthest: of them, chosen by farthest points. keep: of those, drawn at random.
+    """
 
     draw: int = 8192
     farthest: int = 1200

@@ -24,7 +24,8 @@ class CropVariationConfig:
     blur: weight, drawn up to this, of a 3×3 binomial filter.
     steepness: the coverage's edge becomes steeper by factors between 1 and exp(steepness).
     colour: colours are multiplied by factors between exp(-colour) and exp(colour), one a channel.
-    drop: share of the cameras that are left out, drawn up to this; at least `keep` cameras stay, if there are so many.
+    drop: share of the cameras that are left out, drawn up to this.
+    keep: cameras that stay at least, if there are so many.
     lose: probability that a crop is lost, drawn for each camera and frame.
     """
 

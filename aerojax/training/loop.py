@@ -36,9 +36,12 @@ Loss = Callable[[Any, Any, Key[Array, "batch"]], jax.Array]
 class TrainingConfig:
     """Length and rhythm of a run.
 
-    passes: over the examples in one epoch; the model is validated after each epoch.
+    epochs: after each of them the model is validated.
+    passes: over the examples in one epoch.
     batch: examples of one update.
     micro_batches: parts that a batch is computed in, one after the other; more of them need less memory.
+    label_smoothing: probability that is spread over the other classes in what is learnt.
+    optimiser: learning rate and its course.
     average: decay a step of the moving average of the weights, which is what is validated and kept; 0 keeps the
         weights themselves (Polyak & Juditsky 1992).
     checkpoint_steps: steps between two checkpoints, besides one after every epoch; 0 for none in between.

@@ -29,7 +29,8 @@ class ConditionsConfig:
     contexts: numbers of context views. masks: changes of the masks, see `with_masks`. swept: identities of those two.
     distances: metres from sphere cameras of one focal length; focal_px: that focal length, so a metre at 32 m spans 80
         pixels as in the published Sim-1. cameras: of these rigs. recorded: test identities before each rig.
-    rigs: layouts of cameras around objects of `width_px` pixels. calibration_deg: errors of the stated rotations there.
+    rigs: layouts of cameras around objects. width_px: of these objects, pixels. calibration_deg: errors of the stated
+        rotations there.
     """
 
     identities: int = 26

@@ -46,6 +46,7 @@ class ClassifierTraining:
     also_test: further folders whose test/ is counted apart.
     frames: clips are cut or padded to so many.
     networks: trained side by side, whose answers are averaged.
+    model: the kind of classifier and its sizes. variation: of the clips from epoch to epoch. training: its length.
     tensorboard: write curves to `curves/` of the run's directory.
     distribution: the processes that train together; each needs a run directory of its own.
     """

@@ -44,6 +44,19 @@ class MambaSplatConfig(ClassifierConfig):
 
     The defaults are the exact variant; `published_config` gives the thesis' released model. `variant` chooses the
     operators (norms, initialisation, biases), every other field can be changed alone. Rates are probabilities.
+
+    variant: operators, "published" as the released code has them or "exact" under rotations.
+    mode: attributes that are read: centres C, opacity O, colour SH, scales and rotations S_R; X is all of them.
+    lifting: how scales and rotations become vectors, their columns or the covariance's.
+    channels: vector channels of a token. heads, head_dim: of the attention over a frame's tokens. depth: its layers.
+    pre_norm: whether norms stand before the layers.
+    bridge: how a frame's vectors become invariants. invariants_before_pooling: of each token, or of the frame's mean.
+    token_invariants, token_features: invariants of a token, and channels that a layer makes of them.
+    temporal: layers over time, or a mean. readout: mean over the frames, or the last frame.
+    positional_encoding: whether frames are told apart by sines of their number.
+    d_model, mamba_layers, d_state, d_conv, expand: of the Mamba layers over time.
+    dropout: of the layers' outputs. drop_path: of whole layers. head_dropout: before the answer.
+    classes: number of answers.
     """
 
     name: Literal["mambasplat"] = "mambasplat"

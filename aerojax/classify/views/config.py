@@ -31,6 +31,9 @@ class ViewsConfig(ClassifierConfig):
     pooled_harmonics: angular frequencies of each channel whose magnitude is read, besides its mean and maximum.
     hidden: of the layer that reads the closed-form descriptors. view_width: of one view's descriptor.
     d_model, layers, d_state, d_conv, expand: of the Mamba layers over time.
+    view_dropout: rate at which whole views are left out. dropout: of the Mamba layers' outputs. drop_path: of whole
+        layers, at the last one; earlier ones have less. head_dropout: before the answer.
+    classes: number of answers.
     """
 
     name: Literal["views"] = "views"

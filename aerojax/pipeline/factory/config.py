@@ -56,8 +56,8 @@ class FlightRanges:
 
     in_place: share of the clips whose object holds its place, as in Sim-1.
     max_travel: metres that a path may span; logarithmic. It is also kept within the cameras' field.
-    usual_fps, usual: frame rate of that share of the clips; `fps` is the range of the others, and holds alone where
-        `usual` is 0.
+    usual_fps, usual: frame rate of that share of the clips.
+    fps: range of the others' frame rates; it holds alone where `usual` is 0.
     phase: seconds into the animation.
     """
 
@@ -104,6 +104,7 @@ class FactoryConfig:
     least_frames: usable frames that a clip needs; else it is drawn anew.
     attempts: draws of one clip before it is given up.
     tokens: Gaussians kept of each frame.
+    rigs: layouts of cameras. flights: motion. faults: errors of calibration and clocks.
     images: samples of pixels; its mask threshold is drawn instead.
     pipeline: from images to Gaussians; training sees no frame of two views, of which little can be learnt.
     """

@@ -94,6 +94,7 @@ class DatasetConfig:
     identities_per_class: only the first so many of each class and split, for trials; 0 takes all.
     models: list of the user's own models, which are added; None without.
     sensor: of every camera.
+    crowd: objects that fly together. faults: errors of calibration and clocks.
     randomisation: 0 for none to 1 for cheap cameras and unusual light, drawn for each camera and sequence.
     """
 

@@ -19,7 +19,10 @@ BODY_RADIUS = 0.6
 
 @dataclass(frozen=True)
 class Volume:
-    """The monitored box: lowest and highest corner, metres, world."""
+    """The monitored box.
+
+    low, high: lowest and highest corner, metres, world.
+    """
 
     low: tuple[float, float, float] = (0.0, 0.0, 0.0)
     high: tuple[float, float, float] = (0.0, 0.0, 0.0)
