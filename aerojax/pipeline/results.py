@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,12 @@ import numpy as np
 from aerojax.capture.format import Capture
 from aerojax.core.types import CLASSES
 from aerojax.pipeline.offline import Clip
+from aerojax.pipeline.track_points import TrackPoint, track_points
 
+FORMAT, VERSION = "aerojax-result", 1
+"""What `result.json` says of itself. The version grows when a key changes its meaning or goes; new keys may come."""
+SCHEMA = Path(__file__).with_name("result.schema.json")
+"""JSON Schema (draft 2020-12) of `result.json`."""
 _FIGURES = ("ray_px", "ray_m", "shift_px", "shift_m", "uncovered")
 
 
@@ -26,13 +33,15 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         status ("ok", "unsure", "insufficient") with its reasons; label, None unless the status is ok; the most likely
         class and the probabilities after the last frame; level of the cameras' disagreement, and how well each agrees,
         see `agreement_of`; frames that were used, and those that were dropped with code and text; by camera, the frames
-        that it was left out of, and why; what the masks hold ("ids", "picture" or None); warnings; positions in metres,
-        world; median milliseconds a stage.
+        that it was left out of, and why; what the masks hold ("ids", "picture" or None); warnings; the track, see
+        `TrackPoint`; median milliseconds a stage. `result_schema` describes all of it.
     """
     assert clip.log_probabilities is not None  # there was a classifier
     probabilities = dict(zip(CLASSES, np.exp(clip.log_probabilities[-1]).tolist(), strict=True))
     most_likely = max(probabilities, key=lambda name: probabilities[name])
     return {
+        "format": FORMAT,
+        "version": VERSION,
         "capture": str(capture.folder),
         "status": clip.verdict.status,
         "reasons": [{"code": reason.code, "text": reason.text} for reason in clip.verdict.reasons],
@@ -47,8 +56,19 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         "masks": capture.mask_kind,
         "warnings": list(clip.warnings),
         "latency_ms": clip.latency_ms,
-        "track": [{"frame": f, "position": p} for f, p in zip(clip.frames, clip.position.tolist(), strict=True)],
+        "track": [point_json(point) for point in track_points(capture, clip)],
     }
+
+
+def point_json(point: TrackPoint) -> dict[str, Any]:
+    """A point of the track as JSON has it; its place on the earth only where it is known."""
+    content = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(point).items()}
+    return {key: value for key, value in content.items() if key != "place" or value is not None}
+
+
+def result_schema() -> dict[str, Any]:
+    """The JSON Schema of `result.json`, as the package ships it."""
+    return json.loads(SCHEMA.read_text(encoding="utf-8"))
 
 
 def agreement_of(capture: Capture, clip: Clip) -> dict[str, dict[str, Any]]:

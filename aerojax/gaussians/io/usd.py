@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdVol, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdVol, Vt
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians
+from aerojax.core.usd_files import export_stage
 from aerojax.gaussians.sh import degree_of
 
 PRIM = "/Gaussians"
@@ -32,8 +33,9 @@ def write_usd(
     *,
     frames_per_second: float = 30.0,
     origin: Float64[np.ndarray, "3"] | None = None,
+    time_codes: Sequence[int] | None = None,
 ) -> None:
-    """Write a sequence of Gaussians (+Z up, metres) as one prim; frame i is time code i.
+    """Write a sequence of Gaussians (+Z up, metres) as one prim; frame i is time code i unless codes are given.
 
     Args:
         path: ends with .usd, .usda or .usdc; an existing file is replaced.
@@ -41,6 +43,7 @@ def write_usd(
         frames_per_second: time codes a second.
         origin: where the Gaussians' origin lies in the world, metres; becomes the prim's translation (float64) unless
             it is None or zero.
+        time_codes: of the frames, ascending.
 
     Raises:
         UserError: no frames, batched or non-finite Gaussians, differing degrees, or a file that cannot be written.
@@ -62,30 +65,24 @@ def write_usd(
         if not np.all(np.isfinite(origin)):
             raise UserError("invalid", f"{path}: origin has non-finite numbers", "give metres")
         splats.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*(float(x) for x in origin)))
+    codes = range(len(frames)) if time_codes is None else time_codes
     if len(frames) > 1:
-        stage.SetStartTimeCode(0)
-        stage.SetEndTimeCode(len(frames) - 1)
+        stage.SetStartTimeCode(codes[0])
+        stage.SetEndTimeCode(codes[-1])
         stage.SetTimeCodesPerSecond(frames_per_second)
         stage.SetFramesPerSecond(frames_per_second)
-    for index, arrays in enumerate(values):
-        time = Usd.TimeCode(index) if len(frames) > 1 else Usd.TimeCode.Default()
+    for code, arrays in zip(codes, values, strict=True):
+        time = Usd.TimeCode(code) if len(frames) > 1 else Usd.TimeCode.Default()
         for name, array in arrays.items():
             splats.GetPrim().GetAttribute(name).Set(array, time)
     _export(stage, path)
 
 
 def _export(stage: Usd.Stage, path: Path | str) -> None:
-    """Write a stage; a file that is open elsewhere in the process is replaced all the same."""
-    try:
-        written = Path(path).suffix in SUFFIXES and stage.GetRootLayer().Export(str(path))
-    except Tf.ErrorException:
-        written = False
-    if not written:
-        raise UserError(
-            "invalid",
-            f"{path}: cannot be written",
-            f"the name must end with {', '.join(SUFFIXES)} in a writable folder",
-        )
+    """Write a stage, whole or not at all."""
+    if Path(path).suffix not in SUFFIXES:
+        raise UserError("invalid", f"{path}: cannot be written", f"the name must end with {', '.join(SUFFIXES)}")
+    export_stage(stage, Path(path))
 
 
 def _values(gaussians: Gaussians, source: str) -> dict[str, Any]:

@@ -1,0 +1,1 @@
+"""A classified clip in the formats that other tools read."""
