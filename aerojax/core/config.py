@@ -56,7 +56,7 @@ def _list_of(converter: cattrs.Converter, kind: Any) -> Any:
 
 def _describe(error: BaseException, expected: Any) -> str:
     if isinstance(error, ForbiddenExtraKeysError):
-        return f"unknown key(s) {', '.join(sorted(error.extra_fields))}"
+        return f"unknown key(s) {', '.join(sorted(map(str, error.extra_fields)))}"
     if isinstance(error, KeyError):
         return "required key is missing"
     return str(error) or f"expected {expected}"

@@ -56,6 +56,7 @@ def test_values_arrive_with_their_types():
         ({"size": 1, "folder": 3}, "folder: expected Path, got 3"),
         ({"size": 1, "kind": "square"}, "kind: expected one of 'flat', 'round'; got 'square'"),
         ({"size": 1, "colour": 2}, "unknown key(s) colour"),
+        ({"size": 1, 3: 2, "colour": 2}, "unknown key(s) 3, colour"),
         ({"size": 1, "names": [1]}, "names[0]: expected str, got 1"),
         ({"size": 1, "names": 1}, "names[0]: expected str, got 1"),
         ({"size": 1, "names": None}, "names: expected a list, got None"),
