@@ -15,7 +15,7 @@ from rich.console import Console
 
 from aerojax.capture.format import read_capture
 from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
+from aerojax.core.files import write_bytes, write_json
 from aerojax.evaluate.images import image_figures
 from aerojax.gaussians.io.placement import place
 from aerojax.gaussians.io.ply import write_ply
@@ -40,12 +40,14 @@ class Config:
     captures: folders, fitted one after the other instead of `capture`.
     frame: index in the capture.
     object: instance id in the masks; the largest one if None.
+    assets: where the simulated identity's stage lies. sample: which identity is simulated.
+    pipeline: what finds the object and makes the first Gaussians. fit: how they are optimised.
     seed: of the fit's random backgrounds, views and cameras.
     held_out: position, among the cameras that see the whole object, of the one kept for measuring.
     """
 
     preset: str
-    capture: Path | None = None
+    capture: Path | None = field(default=None, metadata={"given": True})
     captures: tuple[Path, ...] = ()
     frame: int = 0
     object: int | None = None
@@ -85,7 +87,7 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
             results[f"{name}_{where}"] = image_figures(rendered, target, views.mask)
             rows = [np.concatenate(list(x), axis=1) for x in (target, jnp.clip(rendered, 0, 1))]
             bgr = np.round(255 * np.concatenate(rows)[..., ::-1]).astype(np.uint8)
-            cv2.imwrite(str(directory / f"{name}_{where}.png"), bgr)
+            write_bytes(directory / f"{name}_{where}.png", cv2.imencode(".png", bgr)[1].tobytes())
     placed, origin = place(fitted, seen.world_from_crop)
     write_ply(directory / "fitted.ply", placed, origin=origin)
     write_usd(directory / "fitted.usdc", [placed], origin=origin)

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+from aerojax.core.usd_files import create_stage, save_stage
 from aerojax.simulate.assets.mesh.parts import Part, Spin, corner_normals
 from aerojax.simulate.assets.mesh.shapes import Mesh, frame_along, scaled
 from aerojax.simulate.assets.paint.materials import Materials, bake_texture
@@ -55,7 +56,7 @@ def write_stage(path: Path, cycle_seconds: float, fill: Callable[[Usd.Stage, Sdf
     """Create a stage, let `fill` author under its default prim, save it and move it to `path` in one step."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.stem}.{os.getpid()}.usdc")
-    stage = Usd.Stage.CreateNew(str(partial))
+    stage = create_stage(partial)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(TIME_CODES_PER_SECOND)
@@ -66,7 +67,7 @@ def write_stage(path: Path, cycle_seconds: float, fill: Callable[[Usd.Stage, Sdf
     stage.SetDefaultPrim(root.GetPrim())
     Usd.ModelAPI(root).SetKind("component")
     fill(stage, root.GetPath())
-    stage.GetRootLayer().Save()
+    save_stage(stage)
     partial.replace(path)
 
 

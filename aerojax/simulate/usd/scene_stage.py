@@ -12,6 +12,7 @@ from jaxtyping import Float
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, Vt
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.core.usd_files import create_stage, save_stage
 from kernels.rays.landscape import LandscapeMesh
 
 _FIRST_OBJECT = Sdf.Path("/World/Object")
@@ -50,7 +51,7 @@ def write_scene_stage(
         sun: unit vectors to the sun, one a frame or a single one; no sun light if None.
         landscape: a stage from `write_landscape_stage`.
     """
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = create_stage(path)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(fps)
@@ -68,7 +69,7 @@ def write_scene_stage(
     if landscape is not None:
         ground = stage.DefinePrim("/World/Scenery")
         ground.GetReferences().AddReference(_relative(landscape, path.parent))
-    stage.GetRootLayer().Save()
+    save_stage(stage)
 
 
 def object_path(index: int) -> Sdf.Path:
@@ -136,7 +137,7 @@ def _author_sun(stage: Usd.Stage, directions: Float[np.ndarray, "time 3"]) -> No
 
 def write_landscape_stage(path: Path, landscape: LandscapeMesh) -> None:
     """Write a landscape as a stage of one mesh with a linear `displayColor` a face; grain is the renderer's own."""
-    stage = Usd.Stage.CreateNew(str(path))
+    stage = create_stage(path)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     root = UsdGeom.Xform.Define(stage, "/Scenery")
@@ -153,7 +154,7 @@ def write_landscape_stage(path: Path, landscape: LandscapeMesh) -> None:
     variable = mesh.CreateDisplayColorPrimvar(UsdGeom.Tokens.uniform)
     variable.Set(Vt.Vec3fArray.FromNumpy(colours))
     variable.SetIndices(Vt.IntArray.FromNumpy(which.reshape(-1).astype(np.int32)))
-    stage.GetRootLayer().Save()
+    save_stage(stage)
 
 
 def body_poses(path: Path, index: int = 0) -> Float[np.ndarray, "time 4 4"]:

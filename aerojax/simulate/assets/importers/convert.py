@@ -9,6 +9,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import fingerprint
+from aerojax.core.usd_files import save_stage
 from aerojax.simulate.assets.importers.gltf import load_gltf
 from aerojax.simulate.assets.importers.mesh_files import load_mesh_file
 from aerojax.simulate.assets.importers.models import GLTF, MESHES, WAVEFRONT, ImportedModel, body_from_file, described
@@ -122,7 +123,7 @@ def _place(stage: Usd.Stage, prim: Sdf.Path, model: ImportedModel, up: str) -> N
     turn[:3, :3] = body_from_file(model.forward, up)
     operation = UsdGeom.Xformable(stage.GetPrimAtPath(prim)).AddTransformOp()
     operation.Set(row_matrix(turn))
-    stage.GetRootLayer().Save()
+    save_stage(stage)
     found = survey(load_animated_mesh(Path(stage.GetRootLayer().realPath), called=str(model.file)))
     automatic = model.scale == "auto"
     factor = 1.0 / length_by_class(found, model.label, str(model.file)) if automatic else float(model.scale)
