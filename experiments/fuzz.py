@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import tempfile
 from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -81,8 +82,15 @@ def main(config: Config, run: Run) -> None:
             progress=lambda done, total, what: bar.update(task, completed=done, description=what),
         )
     counts = {name: dict(sorted(getattr(tally, name).items())) for name in ("read", "refused", "found")}
-    results = {"inputs": tally.inputs, "seconds": config.seconds, "seed": config.seed, **counts}
+    results = {
+        "inputs": tally.inputs,
+        "workers": config.workers,
+        "seconds": config.seconds,
+        "seed": config.seed,
+        **counts,
+    }
     results |= {"limits": asdict(config.limits), "findings": [asdict(found) for found in tally.findings.values()]}
+    results |= {"command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
     write_json(run.directory / "metrics.json", {**results, **provenance(run.overrides)})
     console = Console()
     show(tally, console)
