@@ -177,6 +177,8 @@ def test_masks_lie_in_images_of_a_lens(classified):
         assert np.abs(moved - [columns.mean() + 0.5, rows.mean() + 0.5]).max() < 0.4
 
 
+# pycocotools 2.0.11 decodes through an array class of NumPy 1.
+@pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
 def test_pycocotools_reads_masks_and_scores_them(classified, exported):
     coco_tools = pytest.importorskip("pycocotools.coco", reason="pycocotools is missing; see requirements.clients.lock")
     capture, clip = classified
