@@ -9,19 +9,19 @@ from typing import Any
 import jax
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
 from aerojax.capture.format import Capture, read_capture
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.exports.export import ExportName, export_clip
 from aerojax.pipeline.offline import Clip, reconstruct_capture
-from aerojax.pipeline.results import headline, result_of
+from aerojax.pipeline.results import result_of
 from aerojax.pipeline.trust import TrustConfig
 from aerojax.simulate.sample import SampleConfig, sample_capture
 from aerojax.view.report.gather import Answer, classification_report
 from aerojax.view.report.page import write_report
+from experiments._launch.answer_screen import show_answer
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -35,6 +35,9 @@ class Config:
     weights: of a trained classifier; the shipped ones if None.
     assets: where the simulated identity's stage lies.
     trust: from when on the answer is believed.
+    export: what to take along, into export/: ply and usd (Gaussians), csv and jsonl (track), coco (masks and boxes in
+        the images), video (overlays and a mosaic), sapient (detection reports; the capture needs an origin).
+    began: time of frame 0 in exports that need one, ISO 8601.
     """
 
     preset: str
@@ -46,6 +49,8 @@ class Config:
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     trust: TrustConfig = field(default_factory=TrustConfig)
     sample: SampleConfig = field(default_factory=SampleConfig)
+    export: tuple[ExportName, ...] = ()
+    began: str = "1970-01-01T00:00:00Z"
 
 
 def _answer(clip: Clip, result: dict[str, Any], truth: str | None) -> Answer:
@@ -64,24 +69,17 @@ def _answer(clip: Clip, result: dict[str, Any], truth: str | None) -> Answer:
     )
 
 
-def _show(console: Console, result: dict[str, Any], capture: Capture, truth: str | None) -> None:
-    console.print(f"{capture.folder.name}: [bold]{escape(headline(result))}[/bold]", soft_wrap=True)
-    table = Table("class", "probability")
-    for name, value in sorted(result["probabilities"].items(), key=lambda item: -item[1]):
-        table.add_row(name, f"{value:.4f}")
-    console.print(table)
-    spent = Table("stage", "median ms a frame")
-    for name, value in result["latency_ms"].items():
-        spent.add_row(name, f"{value:.1f}")
-    console.print(spent)
-    known = "" if truth is None else f"; truth: {truth}, {'right' if truth == result['most_likely'] else 'wrong'}"
-    console.print(f"frames used: {len(result['frames'])} of {capture.frames}, cameras: {len(capture.cameras)}{known}")
-    reasons = {frame: event["text"] for frame, event in result["dropped"].items()}
-    for reason in sorted(set(reasons.values())):
-        frames = [frame for frame, why in reasons.items() if why == reason]
-        console.print(f"dropped {len(frames)} frame(s) ({', '.join(frames)}): {reason}")
-    for warning in result["warnings"]:
-        console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
+def _export(capture: Capture, clip: Clip, config: Config, folder: Path) -> dict[str, Path]:
+    with progress_bar() as bar:
+        task = bar.add_task("export", total=None)
+        return export_clip(
+            capture,
+            clip,
+            config.export,
+            folder,
+            began=config.began,
+            progress=lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
+        )
 
 
 @experiment(Config)
@@ -106,9 +104,11 @@ def main(config: Config, run: Run) -> None:
     answer = _answer(clip, result, truth)
     write_json(run.directory / "result.json", result)
     write_report(run.directory / "report.html", classification_report(capture, answer))
+    taken = _export(capture, clip, config, run.directory / "export") if config.export else {}
     console = Console()
-    _show(console, result, capture, truth)
-    console.print(f"{run.directory / 'result.json'}\n{run.directory / 'report.html'}", soft_wrap=True)
+    show_answer(console, result, capture, truth)
+    written = [run.directory / "result.json", run.directory / "report.html", *taken.values()]
+    console.print("\n".join(map(str, written)), soft_wrap=True, markup=False)
 
 
 if __name__ == "__main__":
