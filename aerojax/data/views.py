@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Bool, Float16, Float32, UInt8
@@ -101,8 +102,8 @@ def load_views(folders: Iterable[Path], *, most: int | None = None) -> ViewSet:
 
 def _read(path: Path) -> ViewSet:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             arrays = {name: file[name] for name in ARRAYS}
             return ViewSet(**arrays, **{name: tuple(map(str, file[name])) for name in TEXTS})
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise UserError("unreadable", f"{path} is no complete shard of views ({error})", "delete it") from None

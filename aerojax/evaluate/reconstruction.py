@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import jax
@@ -28,6 +28,14 @@ MOST_POINTS = 8192
 HIGHER_IS_BETTER = ("psnr_db", "surround_psnr_db", "full_psnr_db", "ssim", "iou")
 FIGURES = (*HIGHER_IS_BETTER, "perceptual", "chamfer_percent", "gaussians")
 """Figures of a scene in the order of tables; `perceptual` where a distance is named."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Exact:
+    """A pinhole of the host, in double precision."""
+
+    K: Float64[np.ndarray, "3 3"]
+    world_from_cam: Float64[np.ndarray, "4 4"]
 
 
 @pytree_dataclass
@@ -65,7 +73,7 @@ def true_surface(scenes: ViewSet, index: int) -> Float64[np.ndarray, "point 3"]:
         rows, columns = np.nonzero(scenes.target_mask[index, target] > 127)
         relief = scenes.target_relief[index, target][rows, columns].astype(np.float64)
         pixels = np.stack([columns, rows], axis=1) + 0.5
-        camera = Camera(K.astype(np.float64), pose, scenes.size, scenes.size)
+        camera = _Exact(K.astype(np.float64), pose)
         points.append(unproject_depth(pixels, relief + np.linalg.norm(pose[:3, 3]), camera))
     return np.concatenate(points)
 

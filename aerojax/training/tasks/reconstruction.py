@@ -83,7 +83,7 @@ class Targets:
     camera: Camera
 
 
-Scene = tuple[View, Bool[Array, "view"], Targets]
+Scene = tuple[View, Bool[Array, "_"], Targets]
 """Views, which of them count, and targets."""
 
 
@@ -158,7 +158,8 @@ def _depth_loss(seen: Rendering, targets: Targets, background: float) -> Float[A
     away = jnp.linalg.norm(targets.camera.world_from_cam[:, :3, 3], axis=-1)[:, None, None]
     found = (seen.depth - seen.alpha * away) / width + (1 - seen.alpha) * FAR
     on = (targets.mask > 0.5).astype(found.dtype)
-    wrong = jnp.abs(found - jnp.where(on > 0, targets.relief / width, FAR))
+    # At an edge, a rendering of the truth mixes both depths, too.
+    wrong = jnp.abs(found - (targets.mask * targets.relief / width + (1 - targets.mask) * FAR))
 
     def mean(weight: Array) -> Array:
         return jnp.sum(weight * wrong, axis=(1, 2)) / jnp.maximum(jnp.sum(weight, axis=(1, 2)), 1.0)
