@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -112,8 +112,13 @@ def clip_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob("*.npz") if not path.name.startswith("."))
 
 
-def load_clips(*folders: Path, frames: int) -> ClipSet:
+def load_clips(*folders: Path, frames: int, crops: bool = True) -> ClipSet:
     """Read every clip of some folders in the order of names, padded with zeros or cut to `frames`.
+
+    Args:
+        folders: of clips.
+        frames: of each clip in memory.
+        crops: False leaves them out, which halves the memory.
 
     Raises:
         UserError: a folder without clips, or a clip that is broken, of another class or of another size.
@@ -124,7 +129,10 @@ def load_clips(*folders: Path, frames: int) -> ClipSet:
         if not found:
             remedy = "make them with python -m experiments.generate_clips or experiments.reconstruct_dataset"
             raise UserError("missing", f"{folder} holds no clips (*.npz)", remedy)
-    return _packed(((str(path), load_clip(path)) for path in paths), len(paths), frames)
+    clips = ((str(path), load_clip(path)) for path in paths)
+    if not crops:
+        clips = ((name, replace(clip, crops=None, crop_valid=None)) for name, clip in clips)
+    return _packed(clips, len(paths), frames)
 
 
 def pack_clips(clips: Sequence[StoredClip], *, frames: int) -> ClipSet:

@@ -39,9 +39,9 @@ def require_clips(folders: tuple[Path, ...], split: str) -> None:
             raise UserError("missing", f"{folder / split} holds no clips (*.npz)", remedy)
 
 
-def load_split(folders: tuple[Path, ...], split: str, frames: int) -> ClipSet:
-    """The clips of one split of several folders, cut or padded to `frames`."""
-    return load_clips(*(folder / split for folder in folders), frames=frames)
+def load_split(folders: tuple[Path, ...], split: str, frames: int, *, crops: bool = True) -> ClipSet:
+    """The clips of one split of several folders, cut or padded to `frames`, with or without their crops."""
+    return load_clips(*(folder / split for folder in folders), frames=frames, crops=crops)
 
 
 def crops_from_bytes(

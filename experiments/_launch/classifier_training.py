@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import jax
 from rich.console import Console
 
-from aerojax.classify.base import ClassifierConfig, Trainable, with_card
+from aerojax.classify.base import ClassifierConfig, Trainable, untrained, with_card
 from aerojax.classify.card_markdown import card_markdown
 from aerojax.classify.ensemble.config import EnsembleConfig
 from aerojax.classify.load import save_classifier
@@ -74,7 +75,7 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
     console, start = Console(quiet=not is_first_process()), time.perf_counter()
     counted = config.tests or config.clips
     require_clips((*counted, *config.also_test), "test")
-    clips, val = training_clips(config), load_split(config.validation or config.clips, "val", config.frames)
+    clips, val = _clips(config)
     console.print(f"clips: {len(clips.label)} train, {len(val.label)} val")
     classifier = _train(config, run, console, clips, val)
     tests = split_figures(classifier, counted, config.also_test, split="test", frames=config.frames)
@@ -100,11 +101,14 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
         console.print(str(_keep(run, classifier, results)), soft_wrap=True)
 
 
-def training_clips(config: ClassifierTraining) -> ClipSet:
-    """The clips that a run learns from."""
-    clips = load_split(config.clips, "train", config.frames)
+def _clips(config: ClassifierTraining) -> tuple[ClipSet, ClipSet]:
+    """The clips that a run learns from, and those of validation; with crops where the model reads them."""
+    sizes = {"tokens": config.variation.tokens, "frames": config.variation.frames}
+    shape = jax.eval_shape(lambda key: untrained(config.model, key=key, **sizes), jax.random.key(0))
+    clips = load_split(config.clips, "train", config.frames, crops=shape.reads_crops)
     published = {one.name for one in identities("train")}
-    return select_clips(clips, config.selection, published=published, seed=config.seed)
+    chosen = select_clips(clips, config.selection, published=published, seed=config.seed)
+    return chosen, load_split(config.validation or config.clips, "val", config.frames, crops=shape.reads_crops)
 
 
 def _train(config: ClassifierTraining, run: Run, console: Console, clips: ClipSet, val: ClipSet) -> Trainable:
