@@ -80,6 +80,17 @@ def find_media(camera: CalibratedCamera, folder: Path) -> Media:
     )
 
 
+def find_cameras(folder: Path) -> dict[str, Media]:
+    """The videos and folders of images in a folder, by the names of the cameras that they are called by, sorted."""
+    place = next((folder / inner for inner in ("videos", "images") if (folder / inner).is_dir()), folder)
+    found = {path.stem: _video(path) for path in _files(place, VIDEO_SUFFIXES)}
+    for inner in sorted(path for path in place.iterdir() if path.is_dir()) if place.is_dir() else ():
+        media = _in_folder(inner)
+        if media is not None:
+            found[inner.name] = media
+    return dict(sorted(found.items()))
+
+
 def find_masks(camera: CalibratedCamera, folder: Path | None, rgb: Media) -> dict[int, Path]:
     """Masks by number of the frame: of the folder given, or those that lie in `mask` beside the camera's `rgb`."""
     if folder is None:

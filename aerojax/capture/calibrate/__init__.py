@@ -1,0 +1,1 @@
+"""Calibration of a camera network from pictures of a board."""
