@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -63,15 +64,16 @@ ARRAYS = tuple(field.name for field in fields(ViewSet) if field.name not in TEXT
 
 def stacked(scenes: Sequence[Mapping[str, np.ndarray | str]]) -> ViewSet:
     """Single scenes, by the names of `ViewSet`'s fields, put together."""
-    arrays = {name: np.stack([np.asarray(scene[name]) for scene in scenes]) for name in ARRAYS}
-    return ViewSet(**arrays, **{name: tuple(str(scene[name]) for scene in scenes) for name in TEXTS})
+    values: dict[str, Any] = {name: np.stack([np.asarray(scene[name]) for scene in scenes]) for name in ARRAYS}
+    values |= {name: tuple(str(scene[name]) for scene in scenes) for name in TEXTS}
+    return ViewSet(**values)
 
 
 def save_views(path: Path, views: ViewSet) -> None:
     """Write a shard, whole or not at all."""
     with whole_file(path) as temporary, temporary.open("wb") as file:
-        texts = {name: np.array(getattr(views, name)) for name in TEXTS}
-        np.savez_compressed(file, **{name: getattr(views, name) for name in ARRAYS}, **texts)
+        values: dict[str, Any] = {name: np.asarray(getattr(views, name)) for name in (*ARRAYS, *TEXTS)}
+        np.savez_compressed(file, **values)
 
 
 def load_views(folders: Iterable[Path], *, most: int | None = None) -> ViewSet:
@@ -96,14 +98,16 @@ def load_views(folders: Iterable[Path], *, most: int | None = None) -> ViewSet:
     shapes = {(part.size, part.target_rgb.shape[1]) for part in parts}
     if len(shapes) != 1:
         raise UserError("mismatch", f"views of several sizes or numbers of targets: {sorted(shapes)}", "use one folder")
-    joined = {name: np.concatenate([getattr(part, name) for part in parts])[:most] for name in ARRAYS}
-    return ViewSet(**joined, **{name: tuple(v for p in parts for v in getattr(p, name))[:most] for name in TEXTS})
+    joined: dict[str, Any] = {n: np.concatenate([getattr(part, n) for part in parts])[:most] for n in ARRAYS}
+    joined |= {name: tuple(value for part in parts for value in getattr(part, name))[:most] for name in TEXTS}
+    return ViewSet(**joined)
 
 
 def _read(path: Path) -> ViewSet:
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in ARRAYS}
-            return ViewSet(**arrays, **{name: tuple(map(str, file[name])) for name in TEXTS})
+            values: dict[str, Any] = {name: file[name] for name in ARRAYS}
+            values |= {name: tuple(map(str, file[name])) for name in TEXTS}
+            return ViewSet(**values)
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise UserError("unreadable", f"{path} is no complete shard of views ({error})", "delete it") from None

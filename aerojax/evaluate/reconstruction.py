@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64, Int
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aerojax.core.images import dilate, peak_signal_to_noise, structural_similarity
 from aerojax.core.types import Camera, Gaussians, View, pytree_dataclass
@@ -94,7 +94,7 @@ def scene_figures(
         perceptual: the distance of whole images; None leaves it out.
     """
     seen, compared = _compared(gaussians, count, targets)
-    found = {name: float(value) for name, value in compared.items()}
+    found: dict[str, float] = {name: float(value) for name, value in compared.items()}
     if perceptual is not None:
         found["perceptual"] = float(jnp.mean(perceptual(seen, targets.image)))
     solid = np.asarray(gaussians.mean, np.float64)[:count][np.asarray(gaussians.opacity)[:count] > SOLID_OPACITY]
@@ -132,7 +132,7 @@ def chamfer(a: Float64[np.ndarray, "point 3"], b: Float64[np.ndarray, "other 3"]
     if not len(a) or not len(b):
         return float(np.ptp(np.concatenate([a, b]), axis=0).max()) if len(a) + len(b) else 0.0
     a, b = (points[:: max(1, len(points) // MOST_POINTS)] for points in (a, b))
-    return float(np.mean([cKDTree(a).query(b)[0].mean(), cKDTree(b).query(a)[0].mean()]))
+    return float(np.mean([KDTree(a).query(b)[0].mean(), KDTree(b).query(a)[0].mean()]))
 
 
 def mean_figures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:

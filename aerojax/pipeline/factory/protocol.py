@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64, UInt8
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.core.colour import linear_from_srgb, srgb_from_linear
@@ -83,7 +83,7 @@ def _scene(subject: Subject, config: ProtocolConfig) -> dict[str, np.ndarray | s
         "valid": np.arange(VIEWS) < config.contexts,
         "K": K[slots],
         "world_from_cam": poses[slots],
-        "width_px": np.float32(np.sqrt(np.median(np.sum(parts["mask"][: config.contexts] > 127, axis=(1, 2))))),
+        "width_px": _width(parts["mask"][: config.contexts]),
         "target_rgb": parts["rgb"][last],
         "target_mask": parts["mask"][last],
         "target_relief": parts["relief"][last],
@@ -109,3 +109,9 @@ def _shot(renderer: SceneRenderer, camera: CaptureCamera, away: float) -> dict[s
         "over_white": np.round(255 * white).astype(np.uint8),
         "relief": np.where(depth > 0, depth - away, 0.0).astype(np.float16),
     }
+
+
+def _width(masks: UInt8[np.ndarray, "view size size"]) -> Float32[np.ndarray, ""]:
+    """Longer side of the object in each image, pixels, median."""
+    sides = [max(np.ptp(np.nonzero(mask > 127)[axis]) + 1 for axis in (0, 1)) for mask in masks]
+    return np.asarray(np.median(sides), np.float32)

@@ -169,7 +169,7 @@ def _contexts(crops: ClipCrops) -> dict[str, np.ndarray]:
         "valid": crops.valid[0],
         "K": crops.K[0].astype(np.float32),
         "world_from_cam": crops.crop_from_cam[0].astype(np.float32),
-        "width_px": np.float32(crops.width_px),
+        "width_px": np.asarray(crops.width_px, np.float32),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 from jaxtyping import Array, Key
@@ -54,9 +54,9 @@ class LgmConfig(TrainableConfig):
         return Lgm(LgmNetwork(self, key=key), self)
 
 
-def published_config(**changes: int) -> LgmConfig:
+def published_config() -> LgmConfig:
     """The released "big" model: 415,042,848 parameters at 256 px (thesis Table 6.19)."""
-    big = LgmConfig(
+    return LgmConfig(
         size=256,
         down=(64, 128, 256, 512, 1024, 1024),
         up=(1024, 1024, 512, 256, 128),
@@ -67,4 +67,3 @@ def published_config(**changes: int) -> LgmConfig:
         blocks=2,
         precision="bfloat16",
     )
-    return replace(big, **changes)

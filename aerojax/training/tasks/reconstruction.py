@@ -194,7 +194,7 @@ class ReconstructionTask:
                 for step in steps
             ]
             shares = self.weights.decay ** np.arange(len(steps) - 1, -1, -1)
-            return sum(float(s) * value for s, value in zip(shares / shares.sum(), losses, strict=True))
+            return jnp.stack(losses) @ jnp.asarray(shares / shares.sum(), jnp.float32)
 
         return jnp.mean(jax.vmap(one)(batch, keys))
 
