@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import typing
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,37 +11,17 @@ from typing import Any
 import pytest
 import yaml
 from hydra.errors import HydraException
+from support.act_configs import NAMES, PRESETS, config_of, values_of
 from support.toy_door import BallConfig, ShapeConfig
 
 from aerojax.core.config import default_of, door_of, members_of, to_dataclass
 from aerojax.core.errors import UserError
-from experiments._launch.composition import CONF_DIR, composed, defaults_of, doors_of
+from experiments._launch.composition import CONF_DIR, defaults_of, doors_of
 
 ROOT = Path(__file__).resolve().parents[1]
-NAMES = sorted(p.stem for p in CONF_DIR.glob("*.yaml") if p.stem != "base")
-REQUIRED = {
-    "classify_folder": ("captures=captures",),
-    "fit_gaussians": ("capture=capture",),
-    "export_dataset": ("dataset=dataset", "format=[coco,yolo]", "out=out"),
-    "import_checkpoint": ("checkpoint=a.pt", "out=a.safetensors"),
-    "import_clips": ("source=source", "out=out"),
-    "import_models": ("models=models.yaml",),
-    "import_replicator": ("recording=recording", "out=out", "fps=30"),
-}
 
 
-def config_of(name: str) -> type:
-    """What an act's `main` takes."""
-    main = importlib.import_module(f"experiments.{name}").main
-    return typing.get_type_hints(main.__wrapped__)["config"]
-
-
-def values_of(name: str, *overrides: str) -> dict[str, Any]:
-    return composed(name, config_of(name), *REQUIRED.get(name, ()), *overrides)
-
-
-@pytest.mark.parametrize("preset", ["smoke", "small", "full"])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "preset"), [(name, preset) for name in NAMES for preset in PRESETS[name]])
 def test_config_fits(name, preset):
     config = to_dataclass(values_of(name, f"preset={preset}"), config_of(name))
     assert config.preset == preset
