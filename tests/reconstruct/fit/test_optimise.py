@@ -12,7 +12,7 @@ from support.splat_scenes import drawing, make_gaussians
 from aerojax.core.images import peak_signal_to_noise
 from aerojax.core.types import Camera, View
 from aerojax.geometry.cameras import look_at
-from aerojax.reconstruct.fit.optimise import GaussianFitConfig, _relocate, _State, fit_gaussians
+from aerojax.reconstruct.fit.optimise import GaussianFitConfig, _relocate, _State, fit_gaussians, unobserved
 from aerojax.reconstruct.fit.start import only_real
 from aerojax.reconstruct.hull import HullConfig
 
@@ -23,7 +23,12 @@ HULL = HullConfig(grid=24, capacity=200)
 
 def circle_of_views(image_of, count=5, size=32):
     """Cameras around the origin at 3 m; a metre spans 24 pixels there."""
-    places = [(3 * np.cos(a), 3 * np.sin(a), 0.4) for a in 2 * np.pi * np.arange(count) / count]
+    return arc_of_views(image_of, 2 * np.pi * np.arange(count) / count, size)
+
+
+def arc_of_views(image_of, angles, size=32):
+    """The same at given azimuths, radians."""
+    count, places = len(angles), [(3 * np.cos(a), 3 * np.sin(a), 0.4) for a in angles]
     poses = jnp.stack([look_at(jnp.array(c), jnp.zeros(3)) for c in places])
     K = jnp.array([[72.0, 0, size / 2], [0, 72.0, size / 2], [0, 0, 1]])
     camera = Camera(jnp.stack([K] * count), poses, size, size)
@@ -77,6 +82,28 @@ def test_fit_recovers_colour_and_shape():
     np.testing.assert_allclose(jnp.linalg.norm(fitted.quaternion, axis=-1), 1.0, rtol=1e-5)
 
 
+def test_what_cameras_on_an_arc_do_not_see_is_the_depth():
+    surround, narrow = (
+        arc_of_views(disc, angles).camera for angles in (np.arange(0.0, 6.0), np.linspace(-0.1, 0.1, 5))
+    )
+    np.testing.assert_allclose(unobserved(surround), 0.0, atol=1e-6)
+    share = np.asarray(unobserved(narrow))
+    towards = np.array([3.0, 0.0, 0.4]) / np.hypot(3.0, 0.4)
+    assert towards @ share @ towards > 0.95
+    np.testing.assert_allclose(share - np.outer(towards, towards) * (towards @ share @ towards), 0.0, atol=0.02)
+
+
+def test_centres_stay_where_cameras_on_a_short_arc_cannot_tell():
+    views = arc_of_views(disc, np.linspace(-0.15, 0.15, 5))
+    start = only_real(HULL.build(), views)
+    depths = []
+    for weight in (0.0, 10.0):
+        config = dataclasses.replace(CONFIG, mean_rate=2e-2, relocated=0.0, anchor_weight=weight)
+        fitted = fit_gaussians(start, views, config=config, key=jax.random.key(0))
+        depths.append(float(jnp.sqrt(jnp.mean((fitted.mean[:, 0] - start.mean[:, 0]) ** 2))))
+    assert depths[1] < 0.6 * depths[0], depths
+
+
 def test_no_gaussian_outgrows_the_limit():
     """Few small Gaussians before a large disc want to grow; the limit holds them, a looser one lets them."""
     views = circle_of_views(disc)
@@ -96,7 +123,8 @@ def test_the_relocated_become_halves_of_the_split():
     start = make_gaussians(1, 4, 1, np.float32, opacity=(0.5, 0.9), sigma=(0.1, 0.2))
     fixed = {"mean": start.mean, "quaternion": start.quaternion, "scale": jnp.log(start.scale), "sh": start.sh}
     old = fixed | {"opacity": jnp.array([-6.0, 1.0, 2.0, 0.0])}
-    state = _State(old, {"velocity": jnp.ones((4, 3)), "count": jnp.ones(())}, jnp.array([9.0, 1.0, 5.0, 2.0]))
+    moments = {"velocity": jnp.ones((4, 3)), "count": jnp.ones(())}
+    state = _State(old, moments, jnp.zeros((4, 3)), jnp.array([9.0, 1.0, 5.0, 2.0]))
     moved = _relocate(state, 1)
     after = moved.parameters
     np.testing.assert_allclose((after["mean"][0] + after["mean"][2]) / 2, start.mean[2], atol=1e-6)
@@ -110,4 +138,7 @@ def test_the_relocated_become_halves_of_the_split():
     for name, x in old.items():
         np.testing.assert_array_equal(after[name][jnp.array([1, 3])], x[jnp.array([1, 3])])
     np.testing.assert_array_equal(moved.moments["velocity"][:, 0], [0.0, 1.0, 1.0, 1.0])
+    way = after["mean"] - start.mean  # what holds a split Gaussian moves with its halves
+    np.testing.assert_allclose(moved.anchor[2], way[2], atol=1e-6)
+    np.testing.assert_allclose(moved.anchor[0], -way[2], atol=1e-6)
     assert float(moved.moments["count"]) == 1 and not moved.gradient_norm.any()
