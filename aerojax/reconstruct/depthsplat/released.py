@@ -17,6 +17,7 @@ from aerojax.core.errors import UserError
 from aerojax.core.tensors import read_tensors
 from aerojax.core.torch_files import read_torch
 from aerojax.reconstruct.depthsplat.config import DepthSplatConfig
+from aerojax.reconstruct.depthsplat.gaussians import COLOUR
 from aerojax.reconstruct.depthsplat.reconstructor import DepthSplat, untrained_depthsplat
 from aerojax.reconstruct.depthsplat.tensor_names import MONOCULAR, network_from_published, published_tensors
 
@@ -66,7 +67,7 @@ def import_depthsplat(path: Path, config: DepthSplatConfig, *, key: Key[Array, "
     else:
         encoder = any(name.startswith(ENCODER) for name in tensors)
         mine = {n.removeprefix(ENCODER): v for n, v in tensors.items() if n.startswith(ENCODER) or not encoder}
-        config = dataclasses.replace(config, **_sizes(mine))
+        config = _sized(config, mine)
     used = {name: value for name, value in mine.items() if name.rpartition(".")[2] not in UNUSED}
     shapes = jax.eval_shape(lambda key: untrained_depthsplat(config, key=key), jax.random.key(0))
     expected = published_tensors(shapes.network)
@@ -99,15 +100,14 @@ def _read(path: Path) -> dict[str, np.ndarray]:
     return {str(name): value for name, value in content.items()}
 
 
-def _sizes(tensors: Mapping[str, np.ndarray]) -> dict[str, int]:
-    """Of the encoder, where the file says them; what else is wrong is named later."""
-    sizes = {}
+def _sized(config: DepthSplatConfig, tensors: Mapping[str, np.ndarray]) -> DepthSplatConfig:
+    """With the sizes that the file says; what else is wrong is named later."""
     if _CANDIDATES in tensors and tensors[_CANDIDATES].ndim == 4:
-        sizes["candidates"] = max(tensors[_CANDIDATES].shape[0], 2)
+        config = dataclasses.replace(config, candidates=max(tensors[_CANDIDATES].shape[0], 2))
     if _COLOURS in tensors and tensors[_COLOURS].ndim == 4:
-        coefficients = max(tensors[_COLOURS].shape[0] - 10, 3) // 3
-        sizes["sh_degree"] = min(math.isqrt(coefficients) - 1, 3)
-    return sizes
+        coefficients = max(tensors[_COLOURS].shape[0] - COLOUR, 3) // 3
+        config = dataclasses.replace(config, sh_degree=min(math.isqrt(coefficients) - 1, 3))
+    return config
 
 
 def _problems(tensors: Mapping[str, np.ndarray], expected: Mapping[str, jax.ShapeDtypeStruct]) -> list[str]:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,6 @@ import numpy as np
 from flax import nnx
 from jaxtyping import Array, Bool, Float, Float32, Int
 
-from aerojax.core.arrays import AnyArray, namespace
 from aerojax.core.types import pytree_dataclass
 from aerojax.reconstruct.depthsplat.config import DepthSplatSizes
 from aerojax.reconstruct.depthsplat.draws import Draws
@@ -167,13 +167,17 @@ class MultiViewTransformer(nnx.Module):
 
 
 def windows(
-    x: Float[AnyArray, "view height width channel"], splits: int, *, shifted: bool
-) -> Float[AnyArray, "view window token channel"]:
+    x: Float[Array, "view height width channel"], splits: int, *, shifted: bool
+) -> Float[Array, "view window token channel"]:
     """Tokens of `splits`² windows, which begin half a window further where they are shifted."""
+    side = x.shape[1] // splits
+    return _split(jnp.roll(x, (-(side // 2), -(side // 2)), axis=(1, 2)) if shifted else x, splits)
+
+
+def _split(x: Any, splits: int) -> Any:
+    """Of NumPy and JAX arrays alike."""
     view, side, _, channel = x.shape
     small = side // splits
-    if shifted:
-        x = namespace(x).roll(x, (-(small // 2), -(small // 2)), axis=(1, 2))
     x = x.reshape(view, splits, small, splits, small, channel).transpose(0, 1, 3, 2, 4, 5)
     return x.reshape(view, splits**2, small**2, channel)
 
@@ -195,7 +199,7 @@ def window_regions(cells: int, splits: int) -> Float32[np.ndarray, "window token
     shift = small // 2
     # Along one axis: the windows before the last one, then its two parts, which the roll brought together.
     along = np.repeat([0.0, 1.0, 2.0], [cells - small, small - shift, shift]).astype(np.float32)
-    return windows((3 * along[:, None] + along[None])[None, :, :, None], splits, shifted=False)[0, :, :, 0]
+    return _split((3 * along[:, None] + along[None])[None, :, :, None], splits)[0, :, :, 0]
 
 
 def window_positions(side: int, channels: int) -> Float32[np.ndarray, "side side channel"]:
