@@ -9,7 +9,18 @@ import pytest
 from safetensors.numpy import save_file
 
 from aerojax.core.errors import UserError
-from aerojax.evaluate.perceptual import DISTANCES, TRUNKS, PerceptualConfig, _blurred, _Conv, load_perceptual
+from aerojax.core.torch_files import read_torch
+from aerojax.evaluate.perceptual import (
+    DISTANCES,
+    SCALE,
+    SHIFT,
+    TRUNKS,
+    PerceptualConfig,
+    _blurred,
+    _Conv,
+    _packed,
+    load_perceptual,
+)
 
 WIDTHS = {"stlpips-alex": (64, 192, 384, 256, 256), "lpips-alex": (64, 192, 384, 256, 256)}
 WIDTHS["lpips-vgg"] = (64, 128, 256, 512, 512)
@@ -68,6 +79,10 @@ def test_weights_that_are_not_there_are_asked_for(tmp_path):
 
 def test_the_packaged_weights_rank_damage():
     pytest.importorskip("stlpips_pytorch", reason="aerojax[perceptual] is not installed")
+    stored = read_torch(_packed("stlpips-alex"))
+    np.testing.assert_allclose(stored["net.slice1.1.filt"][5, 0], np.outer([1, 2, 1], [1, 2, 1]) / 16)
+    np.testing.assert_allclose(stored["scaling_layer.shift"].ravel(), SHIFT)
+    np.testing.assert_allclose(stored["scaling_layer.scale"].ravel(), SCALE)
     distance = load_perceptual(PerceptualConfig("stlpips-alex"))
     x, y = jnp.meshgrid(jnp.linspace(0, 1, 64), jnp.linspace(0, 1, 64))
     image = jnp.stack([x, y, 0.5 + 0.5 * jnp.sin(20 * x * y)], axis=-1)

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
+from aerojax.core.errors import UserError
 from aerojax.training.optimisers import OptimiserConfig, adamw, decays
 
 CONFIG = OptimiserConfig(learning_rate=0.05)
@@ -46,3 +48,13 @@ def test_one_step_is_a_run():
         {"a": jnp.ones((2, 2))}, optimiser.init({"a": jnp.ones((2, 2))}), {"a": jnp.ones((2, 2))}
     )
     assert np.isfinite(change["a"]).all() and (np.asarray(change["a"]) < 0).all()
+
+
+def test_a_named_group_learns_more_slowly():
+    parameters = {"backbone": {"weight": jnp.ones((3, 2))}, "head": {"weight": jnp.ones((3, 2))}}
+    gradient = {"backbone": {"weight": jnp.ones((3, 2))}, "head": {"weight": jnp.ones((3, 2))}}
+    optimiser = adamw(replace(CONFIG, slow="backbone", slow_rate=0.1), steps=10)
+    change, _ = optimiser.update(gradient, optimiser.init(parameters), parameters)
+    np.testing.assert_allclose(change["backbone"]["weight"], 0.1 * change["head"]["weight"], rtol=1e-5)
+    with pytest.raises(UserError, match="slow=spine is in no name of 2 parameters"):
+        adamw(replace(CONFIG, slow="spine"), steps=10).init(parameters)

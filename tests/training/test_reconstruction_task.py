@@ -43,7 +43,7 @@ def loss_of(gaussians: Gaussians, **weights: float) -> float:
     return float(rendering_loss(drawn_over(gaussians, targets, WHITE), targets, WHITE, only, None))
 
 
-@pytest.mark.parametrize("term", ["colour", "dssim", "mask", "depth"])
+@pytest.mark.parametrize("term", ["colour", "foreground", "dssim", "mask", "depth"])
 def test_a_term_is_least_for_the_truth(term):
     truth = ball(jax.random.key(0))
     changed = {
@@ -52,8 +52,8 @@ def test_a_term_is_least_for_the_truth(term):
         "nearer": replace(truth, mean=truth.mean * 0.6),
     }
     right = loss_of(truth, **{term: 1.0})
-    assert right < {"colour": 1e-4, "dssim": 0.01, "mask": 1e-4, "depth": 0.02}[term]
-    concerned = {"colour": "paler", "dssim": "paler", "mask": "fainter", "depth": "nearer"}[term]
+    assert right < {"colour": 1e-4, "foreground": 1e-4, "dssim": 0.01, "mask": 1e-4, "depth": 0.02}[term]
+    concerned = {"colour": "paler", "foreground": "paler", "dssim": "paler", "mask": "fainter", "depth": "nearer"}[term]
     assert loss_of(changed[concerned], **{term: 1.0}) > 4 * right
 
 

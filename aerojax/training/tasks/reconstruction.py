@@ -34,6 +34,8 @@ class LossConfig:
     """Weights of thesis Eq. 5.2, and what may be added to it; every term compares renderings in the target views.
 
     colour: mean squared error of the whole image.
+    foreground: mean squared error of colour on the object, which is what a small share of the whole image hardly asks
+        for: else what is uncertain soon is transparent.
     dssim: 1 - SSIM. perceptual: the distance of the network that the run names.
     mask: mean squared error of alpha.
     depth: mean absolute error on the object, in widths of the window there; what is not covered counts as background.
@@ -43,6 +45,7 @@ class LossConfig:
     """
 
     colour: float = 1.0
+    foreground: float = 0.0
     dssim: float = 0.0
     perceptual: float = 0.05
     mask: float = 0.1
@@ -140,9 +143,11 @@ def rendering_loss(
 ) -> Float[Array, ""]:
     """Thesis Eq. 5.2 of one scene's renderings; see `LossConfig`."""
     image = targets.rgb + (1 - targets.mask[..., None]) * behind[:, None, None, :]
-    loss = config.colour * jnp.mean((seen.colour - image) ** 2) + config.mask * jnp.mean(
-        (seen.alpha - targets.mask) ** 2
-    )
+    squares = (seen.colour - image) ** 2
+    loss = config.colour * jnp.mean(squares) + config.mask * jnp.mean((seen.alpha - targets.mask) ** 2)
+    if config.foreground:
+        on = jnp.broadcast_to((targets.mask > 0.5)[..., None], squares.shape).astype(squares.dtype)
+        loss += config.foreground * jnp.sum(on * squares) / jnp.maximum(jnp.sum(on), 1.0)
     if config.dssim:
         loss += config.dssim * (1 - structural_similarity(seen.colour, image))
     if perceptual is not None and config.perceptual:
