@@ -6,6 +6,9 @@ leaves. Saving waits until the file is there: 0.2 s for 300 leaves, once in hund
 
 from __future__ import annotations
 
+import errno
+import os
+import shutil
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,10 +26,19 @@ def save_state(folder: Path, step: int, state: Any) -> None:
     """Write `state` as checkpoint `step` and remove older ones; a kill leaves the older one whole.
 
     One process calls it, also where several train together.
+
+    Raises:
+        OSError: the disk is full.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    with _manager(folder, clean=True) as manager:
-        manager.save(step, args=ocp.args.PyTreeSave(_named(state)), force=True)
+    named = _named(state)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with _manager(folder, clean=True) as manager:
+            manager.save(step, args=ocp.args.PyTreeSave(named), force=True)
+    except ValueError as error:  # what tensorstore says of a full disk too
+        if shutil.disk_usage(folder).free > sum(leaf.nbytes for leaf in named.values()):
+            raise
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder)) from error
 
 
 def latest_step(folder: Path) -> int | None:

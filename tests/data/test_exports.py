@@ -206,7 +206,7 @@ def test_flat_layout(made, tmp_path):
 def test_runs_and_workers_change_nothing(made, tmp_path, name):
     again = export_dataset(find_sequences(made / "dataset"), name, tmp_path, ExportOptions(), workers=1)
     assert files_of(again) == files_of(made / "out" / name)
-    assert [p.name for p in tmp_path.iterdir()] == [name]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [f".{name}.json", name]
 
 
 def test_notices_go_along(made, tmp_path):
@@ -270,6 +270,20 @@ def test_existing_export_is_kept(made, tmp_path):
     assert (tmp_path / "yolo/mine.txt").read_text() == "keep"
     export_dataset(sequences, "yolo", tmp_path, ExportOptions(), overwrite=True)
     assert not (tmp_path / "yolo/mine.txt").exists() and (tmp_path / "yolo/data.yaml").is_file()
+
+
+def test_the_same_export_is_left_as_it_is(made, tmp_path):
+    """So an export to several formats that was killed goes on."""
+    sequences = find_sequences(made / "dataset/val")
+    for images in ("hardlink", "copy"):
+        target = export_dataset(sequences, "yolo", tmp_path, ExportOptions(images), overwrite=True)
+        (target / "mark").write_text("made once")
+        assert export_dataset(sequences, "yolo", tmp_path, ExportOptions(images)) == target
+        assert (target / "mark").exists()
+    train = find_sequences(made / "dataset/train")
+    for other, options in ((train, ExportOptions()), (sequences, ExportOptions(depth=False))):
+        with pytest.raises(UserError, match="there is an export already"):
+            export_dataset(other, "yolo", tmp_path, options)
 
 
 def test_a_broken_sequence_leaves_nothing(tmp_path):

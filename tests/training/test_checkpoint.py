@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
+
 import numpy as np
 import pytest
 
 from aerojax.core.errors import UserError
+from aerojax.evaluate.kills.small_disk import small_disk
 from aerojax.training.checkpoint import latest_step, restore_state, save_state
 
 
@@ -31,3 +34,19 @@ def test_checkpoints_keep_the_newest_and_refuse_another_model(tmp_path):
         assert caught.value.code == "mismatch"
     (tmp_path / "step_00000011.orbax-checkpoint-tmp").mkdir()  # what a kill while writing leaves
     assert latest_step(tmp_path) == 10
+
+
+def test_a_full_disk_is_told_and_the_older_checkpoint_stays(tmp_path):
+    state = {"a": np.random.default_rng(0).random((200, 200), np.float32)}  # 160 kB that do not compress
+    with small_disk(tmp_path / "disk", 200_000) as disk:
+        if disk is None:
+            pytest.skip("this process may not mount")
+        folder = tmp_path / "disk/checkpoints"
+        save_state(folder, 1, state)
+        with pytest.raises(OSError) as told:
+            save_state(folder, 2, state)
+        assert told.value.errno == errno.ENOSPC
+        np.testing.assert_array_equal(restore_state(folder, 1, state)["a"], state["a"])
+        disk.grow(2_000_000)
+        save_state(folder, 2, state)
+        assert [p.name for p in folder.iterdir()] == ["step_00000002"]

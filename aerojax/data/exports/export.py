@@ -7,10 +7,13 @@ import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 from aerojax.capture.format import read_capture
+from aerojax.core.claims import claimed, plain
+from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
+from aerojax.core.files import fingerprint, write_json
 from aerojax.data.exports import coco, colmap, mot, nerfstudio, replicator, yolo
 from aerojax.data.exports.sources import ExportFormat, ExportOptions, SourceSequence
 
@@ -55,6 +58,9 @@ def export_dataset(
 ) -> Path:
     """Write `out/<format>`; it appears when it is complete, and a failed export leaves nothing behind.
 
+    An export of the same captures with the same options that is there already is left as it is, so that one to several
+    formats that was killed goes on where it stopped.
+
     Args:
         sequences: from `find_sequences`; order and number of workers change nothing in the result.
         format_name: a key of `FORMATS`.
@@ -66,12 +72,16 @@ def export_dataset(
         progress: called after each sequence with (done, total, what).
 
     Raises:
-        UserError: there is an export already, or a capture is broken or does not fit the format.
+        UserError: there is another export already, or a capture is broken or does not fit the format.
     """
     if workers < 1:
         raise UserError("out-of-range", f"workers={workers} must be at least 1", "correct it")
-    target = out / format_name
+    target, record = out / format_name, out / f".{format_name}.json"
+    made = _made_from(sequences, options, notices)
     if target.exists() and not overwrite:
+        if claimed(record) == made:
+            progress(len(sequences), len(sequences), format_name)
+            return target
         raise UserError(
             "occupied", f"{target}: there is an export already", "choose another `out` or set overwrite=true"
         )
@@ -98,10 +108,22 @@ def export_dataset(
         shutil.rmtree(parts)
         for notice in notices:
             shutil.copyfile(notice, temporary / notice.name)
+        record.unlink(missing_ok=True)
+        if not target.exists():
+            write_json(record, made)
         _publish(temporary, target)
+        write_json(record, made)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return target
+
+
+def _made_from(sequences: Sequence[SourceSequence], options: ExportOptions, notices: Sequence[Path]) -> dict[str, Any]:
+    """By what an export is known again: sequences, their captures' descriptions, options and notices."""
+    described = (path for one in sequences for path in sorted(one.folder.glob("*.json")))
+    content = fingerprint(*(path.read_bytes() for path in (*described, *notices)))
+    names = [f"{one.split}/{one.name}" for one in sequences]
+    return plain({"sequences": names, "options": to_mapping(options), "content": content})
 
 
 def find_notices(dataset: Path) -> tuple[Path, ...]:

@@ -109,7 +109,8 @@ def _place(source: Path, path: Path, how: Placement) -> None:
         else:  # relative, so that data set and export can move together
             path.symlink_to(os.path.relpath(source, path.parent.resolve()))
     except OSError as error:
-        raise UserError("invalid", f"{path}: cannot {how} {source}: {error.strerror}", "use images=copy") from None
+        remedy = "free space there" if how == "copy" else "use images=copy"
+        raise UserError("unwritable", f"{path}: cannot {how} {source}: {error.strerror}", remedy) from None
 
 
 def place_mask(capture: Capture, camera_index: int, frame: int, path: Path) -> bool:
