@@ -11,6 +11,13 @@ import yaml
 
 from aerojax.capture.format import read_capture
 from aerojax.capture.frames import read_frames
+from aerojax.capture.imports.calibration.base import CalibrationConfig
+from aerojax.capture.imports.calibration.colmap import ColmapConfig
+from aerojax.capture.imports.calibration.drone_tracking import DroneTrackingConfig
+from aerojax.capture.imports.calibration.kalibr import KalibrConfig
+from aerojax.capture.imports.calibration.nerfstudio import NerfstudioConfig
+from aerojax.capture.imports.calibration.opencv import OpencvConfig
+from aerojax.capture.imports.calibration.projections import ProjectionsConfig
 from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
@@ -26,7 +33,7 @@ from aerojax.simulate.assets.importers.mesh_files import load_mesh_file
 from aerojax.simulate.assets.importers.models import read_models
 from aerojax.simulate.assets.importers.obj import load_wavefront
 from aerojax.simulate.assets.importers.usd import open_source
-from experiments._fuzz import inputs
+from experiments._fuzz import calibrations, inputs
 
 CONFIG = b"segment: {name: given}\nreconstruct: {name: hull, grid: 32}\ncrop_size: 64\n"
 
@@ -46,6 +53,16 @@ def read_whole_capture(folder: Path) -> None:
     capture = read_capture(folder)
     for frame in range(min(capture.frames, inputs.FRAMES)):
         read_frames(capture, frame)
+
+
+def read_calibration(folder: Path, *, config: CalibrationConfig, name: str = "") -> None:
+    """Every camera of a calibration."""
+    config.read(folder / name)
+
+
+def calibration(config: CalibrationConfig, name: str = "") -> Callable[[Path], object]:
+    """`read_calibration` of one member; picklable."""
+    return functools.partial(read_calibration, config=config, name=name)
 
 
 def read_config(path: Path) -> object:
@@ -72,6 +89,16 @@ TARGETS: dict[str, Callable[[], Target]] = {
     "capture": lambda: Target((inputs.capture(".png"), inputs.capture(".jpg")), read_whole_capture, 3.0),
     "truth": lambda: Target((inputs.capture(".png", truth=True),), read_whole_capture, 2.0),
     "video": lambda: Target((inputs.capture(".png", video=True),), read_whole_capture, 0.5),
+    "colmap": lambda: Target(
+        (calibrations.colmap_text(), calibrations.colmap_binary()), calibration(ColmapConfig()), 2.0
+    ),
+    "nerfstudio": lambda: Target((calibrations.nerfstudio(),), calibration(NerfstudioConfig()), 1.0),
+    "opencv": lambda: Target((calibrations.opencv(),), calibration(OpencvConfig()), 2.0),
+    "kalibr": lambda: Target((calibrations.kalibr(),), calibration(KalibrConfig()), 1.0),
+    "projections": lambda: Target((calibrations.projections(),), calibration(ProjectionsConfig()), 1.0),
+    "drone_tracking": lambda: Target(
+        (calibrations.drone_tracking(),), calibration(DroneTrackingConfig(delay_s=0.0), "config.json"), 1.0
+    ),
     "gltf": lambda: Target(
         (inputs.gltf(), inputs.glb()), only_file(load_gltf, ".gltf", ".glb", animation="first"), 3.0
     ),

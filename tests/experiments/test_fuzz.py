@@ -11,7 +11,7 @@ from aerojax.evaluate.fuzz.workers import changed_files, run_case
 from experiments._fuzz.targets import TARGETS, make_targets
 
 QUICK = ("ply", "compressed_ply", "usd_splats", "pt", "clip", "manifest", "config", "models", "capture")
-QUICK += ("gltf", "mesh", "obj", "usd")
+QUICK += ("gltf", "mesh", "obj", "usd", "colmap", "nerfstudio", "opencv", "kalibr", "projections", "drone_tracking")
 """Formats that take some milliseconds a file; the weights and videos of the others are left to the act."""
 CASES = 40
 

@@ -224,6 +224,16 @@ def test_what_is_wrong_is_named(tmp_path, name, content, code, named):
     assert refused.value.code == code and str(tmp_path) in refused.value.problem
 
 
+def test_lists_within_lists_do_not_fill_the_memory(tmp_path, monkeypatch):
+    """Anchors double the list forty times; what is read of it is bounded."""
+    monkeypatch.setattr("aerojax.capture.imports.calibration.documents._MOST_NUMBERS", 10_000)
+    lines = ["a0: &a0 [0, 0]", *(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]" for i in range(1, 41)), "K: *a40"]
+    (tmp_path / "bomb.yml").write_text("\n".join(lines))
+    with pytest.raises(UserError, match="K must be numbers") as refused:
+        OpencvConfig().read(tmp_path)
+    assert refused.value.code == "invalid"
+
+
 def test_a_camera_that_moves_is_refused(tmp_path):
     (tmp_path / "cameras.txt").write_text("1 PINHOLE 60 40 50 50 30 20\n")
     (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a/0.png\n\n2 1 0 0 0 1 0 0 1 a/1.png\n\n")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,6 @@ import numpy as np
 import yaml
 from jaxtyping import Float64
 
-from aerojax.capture.validate.findings import shown
 from aerojax.core.errors import UserError
 
 LARGEST = 256 * 2**20
@@ -19,6 +19,10 @@ LARGEST = 256 * 2**20
 SUFFIXES = (".json", ".yaml", ".yml")
 ROTATION_TOLERANCE = 1e-3
 """Largest entry of R Rᵀ - I; four decimals are up to 2e-4 off."""
+
+
+_MOST_NUMBERS = 3_000_000
+"""Of one list; a YAML file of a kilobyte can name lists within lists that hold more than any memory."""
 
 
 class _Loader(yaml.SafeLoader):
@@ -68,6 +72,11 @@ def read_text(path: Path) -> str:
         raise UserError("unreadable", f"{path}: is no text", "give the calibration's file or folder") from None
 
 
+def brief(value: Any) -> str:
+    """A value of the user's file for a message, in time that does not depend on how much its anchors unfold to."""
+    return ascii(reprlib.repr(value))[1:-1][:60]
+
+
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
     """A mapping.
 
@@ -75,7 +84,7 @@ def mapping(value: Any, where: str) -> Mapping[str, Any]:
         UserError: it is none.
     """
     if not isinstance(value, Mapping):
-        raise UserError("invalid", f"{where} must be a mapping, is {shown(value)}", "is this the right format?")
+        raise UserError("invalid", f"{where} must be a mapping, is {brief(value)}", "is this the right format?")
     return value
 
 
@@ -102,7 +111,7 @@ def number(value: Any, where: str) -> float:
     Raises:
         UserError: it is none.
     """
-    return float(numbers([value], where)[0])
+    return float(numbers([value], where, 1)[0])
 
 
 def whole(value: Any, where: str) -> int:
@@ -113,7 +122,7 @@ def whole(value: Any, where: str) -> int:
     """
     found = number(value, where)
     if found != int(found) or found < 1:
-        raise UserError("invalid", f"{where} must be a positive whole number, is {shown(value)}", "correct it")
+        raise UserError("invalid", f"{where} must be a positive whole number, is {brief(value)}", "correct it")
     return int(found)
 
 
@@ -131,14 +140,29 @@ def numbers(value: Any, where: str, *counts: int) -> Float64[np.ndarray, "number
     if isinstance(value, Mapping):
         value = value.get("data")
     try:
-        if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(one, bool) for one in value)):
-            raise ValueError
-        found = np.array(value, dtype=np.float64).ravel()
-    except (TypeError, ValueError):
-        raise UserError("invalid", f"{where} must be numbers, is {shown(value)}", "correct it") from None
+        found = np.array(_leaves(value), dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise UserError("invalid", f"{where} must be numbers, is {brief(value)}", "correct it") from None
     if not np.all(np.isfinite(found)) or (counts and len(found) not in counts):
         wanted = " or ".join(map(str, counts)) or "any number of"
         raise UserError("invalid", f"{where} must be {wanted} finite numbers, has {len(found)}", "correct it")
+    return found
+
+
+def _leaves(value: Any) -> list[Any]:
+    """What stands in nested lists, at most `_MOST_NUMBERS`; truth values are no numbers."""
+    found: list[Any] = []
+    levels = [iter((value,))]
+    while levels:
+        for one in levels[-1]:
+            if isinstance(one, list | tuple | np.ndarray):
+                levels.append(iter(one))
+                break
+            if isinstance(one, bool) or len(found) == _MOST_NUMBERS:
+                raise ValueError
+            found.append(one)
+        else:
+            levels.pop()
     return found
 
 

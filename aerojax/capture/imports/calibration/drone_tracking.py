@@ -100,6 +100,11 @@ def _paths(inputs: Mapping[str, Any], key: str, path: Path) -> list[Path]:
 
 def _table(path: Path) -> Float64[np.ndarray, "row 3"]:
     lines = [line.split() for line in read_text(path).splitlines() if line.strip() and not line.startswith("#")]
+    short = next((line for line in lines if len(line) < 3), None)
+    if short is not None:
+        raise UserError(
+            "invalid", f"{path}: a line has {len(short)} of 3 numbers: {' '.join(short)[:60]!r}", "correct it"
+        )
     return numbers([line[:3] for line in lines], f"{path}").reshape(-1, 3)
 
 

@@ -47,8 +47,7 @@ class NerfstudioConfig(CalibrationConfig):
         frames = document.get("frames")
         if not isinstance(frames, list) or not frames:
             raise UserError("missing", f"{path}: frames is no list with entries", "give nerfstudio's transforms.json")
-        ordered = sorted(enumerate(frames), key=lambda one: str(one[1].get("file_path")) if one[1] else "")
-        images = [self._image(document, frame, f"{path}: frames[{index}]") for index, frame in ordered]
+        images = [self._image(document, frame, f"{path}: frames[{index}]") for index, frame in enumerate(frames)]
         return Calibration(still_cameras(images, str(path), self.still))
 
     def _image(self, document: Mapping[str, Any], frame: Any, where: str) -> CalibratedCamera:
@@ -79,7 +78,7 @@ def _value(merged: Mapping[str, Any], key: str, where: str) -> float:
 
 
 def _distortion(merged: Mapping[str, Any], where: str) -> tuple[str, tuple[float, ...]]:
-    model = merged.get("camera_model", "OPENCV")
+    model = str(merged.get("camera_model", "OPENCV"))
     if model not in _COEFFICIENTS:
         known = ", ".join(_COEFFICIENTS)
         raise UserError("invalid", f"{where}: camera_model {model!r} cannot be read", f"undistort to one of {known}")
