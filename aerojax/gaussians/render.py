@@ -47,7 +47,7 @@ def render(
     gaussians: Gaussians,
     camera: Camera,
     *,
-    background: Float[Array, "*batch 3"],
+    background: Float[Array, "*batch 3"] | None = None,
     antialias: bool = False,
     near: float = 0.2,
     rules: str = "inria",
@@ -66,7 +66,7 @@ def render(
     Args:
         gaussians: world frame, any floating-point types.
         camera: OpenCV cameras; skew is ignored. One with a non-finite entry sees only the background.
-        background: RGB behind everything.
+        background: RGB behind everything; black if None.
         antialias: scale opacity by the area that the 0.3-pixel low-pass adds (Yu et al. 2024), so that thin Gaussians
             keep their energy; train and render with the same setting.
         near: metres; Gaussians whose centre is nearer are not drawn.
@@ -74,11 +74,13 @@ def render(
         backend: "warp", or "reference": plain JAX, slow.
 
     Raises:
-        UserError: unknown `rules`, a number of colour coefficients other than 1, 4, 9 or 16, or attributes that are
-            integers, booleans or complex, whose unit nobody knows (an opacity of 0..255?).
+        UserError: unknown `rules`, an argument of another shape, a number of colour coefficients other than 1, 4, 9 or
+            16, or attributes that are integers, booleans or complex, whose unit nobody knows (an opacity of 0..255?).
     """
     if rules not in RULES:
         raise UserError("invalid", f"rules: unknown name {rules!r}", f"choose one of {', '.join(RULES)}")
+    background = jnp.zeros(3) if background is None else background
+    _require_shapes(gaussians, camera, background)
     degree_of(gaussians.sh.shape[-2])
     shape = Shape(camera.width, camera.height, near, rules, antialias)
     draw = splat.splat if backend == "warp" else splat_reference.splat
@@ -102,6 +104,28 @@ def render(
     dtype = _computed_in(gaussians)
     arrays = [jnp.asarray(x, dtype) for x in (*attributes, camera.K, camera.world_from_cam, background)]
     return Rendering(*jnp.vectorize(one, signature=signature)(*_equal_batch_ranks(*arrays)))
+
+
+def _require_shapes(gaussians: Gaussians, camera: Camera, background: Float[Array, "..."]) -> None:
+    """Refuse arguments whose last axes are not what they should be, before their sizes meet somewhere inside."""
+    count = jnp.shape(gaussians.mean)[-2] if jnp.ndim(gaussians.mean) > 1 else "gaussians"
+    wanted = {
+        "gaussians.mean": (gaussians.mean, (count, 3)),
+        "gaussians.quaternion": (gaussians.quaternion, (count, 4)),
+        "gaussians.scale": (gaussians.scale, (count, 3)),
+        "gaussians.opacity": (gaussians.opacity, (count,)),
+        "gaussians.sh": (gaussians.sh, (count, "coefficients", 3)),
+        "camera.K": (camera.K, (3, 3)),
+        "camera.world_from_cam": (camera.world_from_cam, (4, 4)),
+        "background": (background, (3,)),
+    }
+    for name, (array, last) in wanted.items():
+        shape = jnp.shape(array)
+        found = shape[-len(last) :]
+        fits = len(found) == len(last) and all(isinstance(b, str) or a == b for a, b in zip(found, last, strict=True))
+        if not fits:
+            expected = ", ".join(map(str, ("...", *last)))
+            raise UserError("invalid", f"render: {name} has shape {shape}", f"it must be ({expected})")
 
 
 def _computed_in(gaussians: Gaussians) -> jnp.dtype:

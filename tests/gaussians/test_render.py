@@ -92,3 +92,29 @@ def test_kernels_name_types_that_they_are_not_compiled_for(module):
     splats = Splats(half, jnp.zeros((3, 3)), jnp.zeros(3), jnp.zeros(3), jnp.zeros((3, 4), jnp.int32))
     with pytest.raises(TypeError, match="centre float16, colour float32"):
         module.blend(splats, colour, jnp.zeros(3), width=16, height=16)
+
+
+def test_without_a_background_it_is_black():
+    gaussians, camera = make_gaussians(0, 5, 4, np.float32), make_camera(dtype=np.float32)
+    black = render(gaussians, camera, background=jnp.zeros(3), backend="reference").colour
+    np.testing.assert_array_equal(render(gaussians, camera, backend="reference").colour, black)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("gaussians.quaternion", {"quaternion": jnp.ones((5, 3))}, r"shape \(5, 3\); it must be \(\.\.\., 5, 4\)"),
+        ("gaussians.opacity", {"opacity": jnp.ones((4,))}, r"shape \(4,\); it must be \(\.\.\., 5\)"),
+        ("gaussians.sh", {"sh": jnp.ones((5, 3))}, r"it must be \(\.\.\., 5, coefficients, 3\)"),
+    ],
+)
+def test_a_wrong_shape_is_named(name, change, words):
+    gaussians = make_gaussians(0, 5, 4, np.float32)
+    # As without the shape checks that only tests have: the attributes are put past them.
+    wrong = jax.tree.unflatten(
+        jax.tree.structure(gaussians), [change.get(one, getattr(gaussians, one)) for one in ATTRIBUTES]
+    )
+    with pytest.raises(UserError, match=f"render: {name} has {words}"):
+        render(wrong, make_camera(dtype=np.float32))
+    with pytest.raises(UserError, match=r"render: background has shape \(4,\)"):
+        render(gaussians, make_camera(dtype=np.float32), background=jnp.zeros(4))
