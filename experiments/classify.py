@@ -10,7 +10,9 @@ import jax
 import numpy as np
 from rich.console import Console
 
+from aerojax import __version__
 from aerojax.capture.format import Capture, read_capture
+from aerojax.classify.card import Card
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig
@@ -19,7 +21,7 @@ from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.pipeline.results import result_of
 from aerojax.pipeline.trust import TrustConfig
 from aerojax.simulate.sample import SampleConfig, sample_capture
-from aerojax.view.report.gather import Answer, classification_report
+from aerojax.view.report.gather import Answer, classification_report, weights_named
 from aerojax.view.report.page import write_report
 from experiments._launch.answer_screen import show_answer
 from experiments._launch.command import Run, experiment
@@ -42,7 +44,7 @@ class Config:
 
     preset: str
     seed: int = 0
-    capture: Path | None = None
+    capture: Path | None = field(default=None, metadata={"given": True})
     object: int | None = None
     weights: Path | None = None
     assets: Path = Path("data/assets")
@@ -53,19 +55,19 @@ class Config:
     began: str = "1970-01-01T00:00:00Z"
 
 
-def _answer(clip: Clip, result: dict[str, Any], truth: str | None) -> Answer:
+def _answer(clip: Clip, result: dict[str, Any], truth: str | None, card: Card) -> Answer:
     assert clip.log_probabilities is not None  # there was a classifier
     return Answer(
         observations=clip.observations,
-        gaussians=clip.in_world(),
+        gaussians=clip.gaussians,
         position=clip.position,
         so_far=np.exp(clip.log_probabilities),
         dropped={event.frame: event.text for event in clip.dropped},
         latency_ms=clip.latency_ms,
         truth=truth,
-        sure=result["status"] == "ok",
-        reasons=[reason["text"] for reason in result["reasons"]],
-        agreement=result["cameras"],
+        status=result["status"],
+        result=result,
+        made_by={"aerojax": __version__, **weights_named(card.name, card.member, card.record)},
     )
 
 
@@ -101,7 +103,7 @@ def main(config: Config, run: Run) -> None:
         )
     truth = capture.true_class(config.object)
     result = result_of(capture, clip)
-    answer = _answer(clip, result, truth)
+    answer = _answer(clip, result, truth, classifier.card)
     write_json(run.directory / "result.json", result)
     write_report(run.directory / "report.html", classification_report(capture, answer))
     taken = _export(capture, clip, config, run.directory / "export") if config.export else {}

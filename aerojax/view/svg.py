@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 WIDTH, HEIGHT = 440, 260
+_WIDE = (640, 230)
 _LEFT, _RIGHT, _TOP, _BOTTOM = 54, 14, 12, 40
 
 
@@ -31,11 +32,13 @@ class _Axes:
 
     x: tuple[float, float]
     y: tuple[float, float]
+    size: tuple[int, int] = (WIDTH, HEIGHT)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         u = (x - self.x[0]) / ((self.x[1] - self.x[0]) or 1.0)
         v = (y - self.y[0]) / ((self.y[1] - self.y[0]) or 1.0)
-        return _LEFT + u * (WIDTH - _LEFT - _RIGHT), HEIGHT - _BOTTOM - v * (HEIGHT - _TOP - _BOTTOM)
+        width, height = self.size
+        return _LEFT + u * (width - _LEFT - _RIGHT), height - _BOTTOM - v * (height - _TOP - _BOTTOM)
 
     def path(self, xs: Sequence[float], ys: Sequence[float]) -> str:
         """Pairs "x,y" of the finite points, separated by spaces."""
@@ -44,25 +47,26 @@ class _Axes:
 
     def grid(self, x_label: str, y_label: str, y_ticks: Sequence[float] | None = None, whole_x: bool = False) -> str:
         parts = []
-        bottom, left = HEIGHT - _BOTTOM, _LEFT
+        width, height = self.size
+        bottom, left, right = height - _BOTTOM, _LEFT, width - _RIGHT
         for tick in (tick for tick in nice_ticks(*self.x) if not whole_x or tick == round(tick)):
             x, _ = self.place(tick, self.y[0])
             parts.append(f'<line class="grid" x1="{x:.1f}" y1="{_TOP}" x2="{x:.1f}" y2="{bottom}"/>')
             parts.append(f'<text x="{x:.1f}" y="{bottom + 17}" text-anchor="middle">{tick:g}</text>')
         for tick in nice_ticks(*self.y) if y_ticks is None else y_ticks:
             _, y = self.place(self.x[0], tick)
-            parts.append(f'<line class="grid" x1="{left}" y1="{y:.1f}" x2="{WIDTH - _RIGHT}" y2="{y:.1f}"/>')
+            parts.append(f'<line class="grid" x1="{left}" y1="{y:.1f}" x2="{right}" y2="{y:.1f}"/>')
             parts.append(f'<text x="{left - 6}" y="{y + 4:.1f}" text-anchor="end">{tick:g}</text>')
         middle = (_TOP + bottom) / 2
-        parts.append(f'<text x="{(left + WIDTH - _RIGHT) / 2}" y="{HEIGHT - 4}" text-anchor="middle">{x_label}</text>')
+        parts.append(f'<text x="{(left + right) / 2}" y="{height - 4}" text-anchor="middle">{x_label}</text>')
         turned = f'transform="rotate(-90 12 {middle})"'
         parts.append(f'<text x="12" y="{middle}" text-anchor="middle" {turned}>{y_label}</text>')
         return "".join(parts)
 
 
-def _drawing(name: str, body: str) -> str:
-    label = html.escape(name)
-    return f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{body}</svg>'
+def _drawing(name: str, axes: _Axes, body: str) -> str:
+    label, (width, height) = html.escape(name), axes.size
+    return f'<svg class="plot" viewBox="0 0 {width} {height}" role="img" aria-label="{label}">{body}</svg>'
 
 
 def _cursor(places: str, mark: str) -> str:
@@ -72,7 +76,7 @@ def _cursor(places: str, mark: str) -> str:
 
 
 def curves(name: str, frames: Sequence[int], series: Mapping[str, Sequence[float]], y_label: str) -> str:
-    """Curves of values in 0..1 over the frames, one class `s0`, `s1` … a curve, with a cursor line.
+    """Wide curves of values in 0..1 over the frames, one class `s0`, `s1` … a curve, with a cursor line.
 
     Args:
         name: accessible name of the plot.
@@ -81,14 +85,14 @@ def curves(name: str, frames: Sequence[int], series: Mapping[str, Sequence[float
         y_label: text at the vertical axis.
     """
     times = [float(frame) for frame in frames]
-    axes = _Axes(_time_span(times), (0.0, 1.0))
+    axes = _Axes(_time_span(times), (0.0, 1.0), _WIDE)
     lines = []
     for index, values in enumerate(series.values()):
         lines.append(f'<polyline class="curve s{index}" points="{axes.path(times, values)}"/>')
-    mark = f'<line class="now" x1="0" y1="{_TOP}" x2="0" y2="{HEIGHT - _BOTTOM}"/>'
+    mark = f'<line class="now" x1="0" y1="{_TOP}" x2="0" y2="{axes.size[1] - _BOTTOM}"/>'
     cursor = _cursor(" ".join(f"{axes.place(time, 0.0)[0]:.1f},0" for time in times), mark)
     return _drawing(
-        name, axes.grid("frame", y_label, [0.0, 0.25, 0.5, 0.75, 1.0], whole_x=True) + "".join(lines) + cursor
+        name, axes, axes.grid("frame", y_label, [0.0, 0.25, 0.5, 0.75, 1.0], whole_x=True) + "".join(lines) + cursor
     )
 
 
@@ -98,7 +102,7 @@ def height_curve(frames: Sequence[int], height: Sequence[float]) -> str:
     axes = _Axes(_time_span(times), _span(np.array(height), least=1.0))
     line = f'<polyline class="curve track" points="{axes.path(times, height)}"/>'
     cursor = _cursor(_all_places(axes, times, height), '<circle class="now" r="5"/>')
-    return _drawing("height over the frames", axes.grid("frame", "height z, m", whole_x=True) + line + cursor)
+    return _drawing("height over the frames", axes, axes.grid("frame", "height z, m", whole_x=True) + line + cursor)
 
 
 def top_view(positions: Float[np.ndarray, "frame 3"]) -> str:
@@ -115,7 +119,7 @@ def top_view(positions: Float[np.ndarray, "frame 3"]) -> str:
     line = f'<polyline class="curve track" points="{places}"/>'
     ring = f'<circle class="start" cx="{start[0]}" cy="{start[1]}" r="4"/>'
     cursor = _cursor(_all_places(axes, x.tolist(), y.tolist()), '<circle class="now" r="5"/>')
-    return _drawing("track from above", axes.grid("x, m", "y, m") + line + ring + cursor)
+    return _drawing("track from above", axes, axes.grid("x, m", "y, m") + line + ring + cursor)
 
 
 def _time_span(times: Sequence[float]) -> tuple[float, float]:

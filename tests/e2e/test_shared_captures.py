@@ -66,5 +66,6 @@ def test_the_command_writes_result_and_report(captures, tmp_path, monkeypatch, c
     truth = np.array([state.position for state in capture.truth.objects[0].frames])[result["frames"]]
     track = np.array([row["position"] for row in result["track"]])
     assert np.median(np.linalg.norm(track - truth, axis=1)) < 0.15  # metres; the object measures one
-    assert "<html" in (tmp_path / "run/report.html").read_text()
+    page = (tmp_path / "run/report.html").read_text()
+    assert "<html" in page and 500_000 < len(page.encode()) <= 2_000_000
     assert result["label"] in capsys.readouterr().out

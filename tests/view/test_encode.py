@@ -1,4 +1,4 @@
-"""Clouds, outlines and images in the few bytes that a page can hold."""
+"""Outlines and images in the few bytes that a page can hold."""
 
 from __future__ import annotations
 
@@ -7,32 +7,8 @@ import re
 
 import cv2
 import numpy as np
-import pytest
 
-from aerojax.view.encode import cloud_radius, jpeg_uri, jpegs_within, mask_box, mask_outline, pack_cloud
-
-
-def test_clouds_are_packed_within_a_step_of_quantisation():
-    points = np.random.default_rng(1).uniform(-1, 1, (200, 3)).astype(np.float32) + np.float32(40)
-    colours = np.arange(600, dtype=np.uint32).astype(np.uint8).reshape(200, 3)
-    packed = pack_cloud(points, colours, 2.0, 500)
-    xyz = np.frombuffer(base64.b64decode(packed["xyz"]), "<i2").reshape(-1, 3) / 32767 * 2.0
-    np.testing.assert_allclose(xyz, points - np.median(points, axis=0), atol=2.0 / 32767)
-    np.testing.assert_array_equal(np.frombuffer(base64.b64decode(packed["rgb"]), np.uint8).reshape(-1, 3), colours)
-    assert packed["count"] == 200
-
-
-def test_clouds_are_thinned_and_outliers_left_out():
-    points = np.random.default_rng(1).normal(size=(1000, 3)).astype(np.float32)
-    points[5] = 1e6
-    points[6] = np.inf
-    radius = cloud_radius([points])
-    assert 2.0 < radius < 4.0
-    packed = pack_cloud(points, np.zeros((1000, 3), np.uint8), radius, 100)
-    assert len(base64.b64decode(packed["xyz"])) == 600 and packed["count"] == 1000
-    empty = pack_cloud(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8), radius, 100)
-    assert empty == {"xyz": "", "rgb": "", "count": 0}
-    assert cloud_radius([]) == pytest.approx(1.15)
+from aerojax.view.encode import data_uri, jpeg_uri, jpegs_within, mask_box, mask_outline
 
 
 def test_outline_and_box_of_a_mask():
@@ -52,3 +28,12 @@ def test_images_shrink_to_the_budget():
     assert sum(map(len, tight)) <= 30_000 < sum(map(len, generous))
     decoded = cv2.imdecode(np.frombuffer(base64.b64decode(jpeg_uri(image, 150, 80).partition(",")[2]), np.uint8), 1)
     assert decoded.shape == (150, 100, 3)
+
+
+def test_transparency_survives_a_uri():
+    bgra = np.zeros((6, 5, 4), np.uint8)
+    bgra[2:4, 1:3] = (255, 128, 0, 200)
+    uri = data_uri(bgra, "png", [])
+    assert uri.startswith("data:image/png;base64,")
+    read = cv2.imdecode(np.frombuffer(base64.b64decode(uri.partition(",")[2]), np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(read, bgra)

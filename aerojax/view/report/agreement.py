@@ -11,12 +11,17 @@ _HEAD = ("camera", "outline off", "ray off", "uncovered")
 
 
 def agreement_table(cameras: Sequence[CameraAgreement]) -> str:
-    """One row a camera, the one that is wrong marked; a sentence where nothing is known."""
+    """One row a camera, the one that is wrong first and marked; a sentence where nothing is known."""
     if not cameras:
         return '<p class="quiet">Not measured.</p>'
     head = "".join(f'<th scope="col">{name}</th>' for name in _HEAD)
-    rows = "".join(_row(one) for one in cameras)
-    return f'<table class="agreement"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+    rows = "".join(_row(one) for one in sorted(cameras, key=lambda one: not one.suspect))
+    note = (
+        "Medians over the frames. Outline: the mask against that of the shape all cameras agree on; ray: that through "
+        "the mask's middle; uncovered: share of the mask outside the shape."
+    )
+    table = f'<table class="agreement"><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>'
+    return f'{table}<p class="quiet">{note}</p>'
 
 
 def _row(one: CameraAgreement) -> str:

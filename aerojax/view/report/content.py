@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Bool, Float, Float64, UInt8
+
+from aerojax.view.viewer.content import Lens, SceneCamera, Splats
 
 Number = int | float
+Status = Literal["ok", "unsure", "insufficient"]
+"""Whether the label may be believed; see `aerojax.pipeline.trust`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +25,8 @@ class CameraCrop:
     mask: the object in the crop.
     box: x0 y0 x1 y1 of the crop in full-image pixels, ends exclusive; may be scaled to `rgb`.
     full_size: width and height of the full image in pixels.
+    lens: that of the crop's own pinhole camera. centre_from_cam: rigid transform, metres, from this camera's axes to
+        world axes about the object's centre (`FrameReport.centre`).
     """
 
     camera: str
@@ -27,6 +34,8 @@ class CameraCrop:
     mask: Bool[np.ndarray, "height width"]
     box: tuple[Number, Number, Number, Number]
     full_size: tuple[int, int]
+    lens: Lens
+    centre_from_cam: Float64[np.ndarray, "4 4"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +44,16 @@ class FrameReport:
 
     frame: index in the capture.
     crops: one a camera that saw the object.
-    points: the reconstructed cloud, metres, world frame. colours: its sRGB colours.
+    splats: the reconstructed Gaussians about `centre`.
+    centre: metres, world frame.
     probabilities: of the classes after this frame, in the order of the report's.
     position: the object's place, metres, world frame; NaN where unknown.
     """
 
     frame: int
     crops: tuple[CameraCrop, ...]
-    points: Float32[np.ndarray, "point 3"]
-    colours: UInt8[np.ndarray, "point 3"]
+    splats: Splats
+    centre: Float64[np.ndarray, "3"]
     probabilities: Float[np.ndarray, "category"]
     position: Float[np.ndarray, "3"]
 
@@ -70,13 +80,16 @@ class CameraAgreement:
 class ClassificationReport:
     """All that the page shows.
 
-    title: name of the capture. label: the likeliest class, the answer where `sure`.
+    title: name of the capture. label: the likeliest class, the answer where `status` is ok.
     truth: the right answer where it is known.
     probabilities: final ones, 0..1, by class name.
     frames: the frames used, ascending. dropped: reason by frame number.
     latency_ms: wall time by stage, milliseconds, in the pipeline's order.
-    notes: sentences to show at the end.
-    sure: whether the label may be believed; if not, `reasons` say why.
+    fps: frames a second.
+    rig: the cameras.
+    notes: sentences to show at the end. made_by: version and weights, by name.
+    status: whether the label may be believed; if not, `reasons` say why.
+    warnings: sentences that the reader should know first.
     agreement: of the cameras.
     """
 
@@ -87,7 +100,11 @@ class ClassificationReport:
     frames: tuple[FrameReport, ...]
     dropped: Mapping[int, str]
     latency_ms: Mapping[str, float]
+    fps: float = 30.0
+    rig: tuple[SceneCamera, ...] = ()
     notes: tuple[str, ...] = ()
-    sure: bool = True
+    made_by: Mapping[str, str] = field(default_factory=dict)
+    status: Status = "ok"
     reasons: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     agreement: tuple[CameraAgreement, ...] = ()
