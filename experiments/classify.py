@@ -16,7 +16,7 @@ from aerojax.classify.card import Card
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig
-from aerojax.pipeline.exports.export import ExportName, export_clip
+from aerojax.pipeline.exports.export import ExportName, export_clip, require_exports
 from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.pipeline.results import result_of
 from aerojax.pipeline.trust import TrustConfig
@@ -89,6 +89,7 @@ def main(config: Config, run: Run) -> None:
     """Capture in; table, result.json and report.html out."""
     classifier = load_classifier(config.weights)
     capture = read_capture(config.capture or sample_capture(config.sample, config.assets))
+    require_exports(capture, config.export, config.began)
     with progress_bar() as bar:
         task = bar.add_task("frames", total=capture.frames)
         clip = reconstruct_capture(

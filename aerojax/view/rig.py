@@ -26,6 +26,8 @@ text { font: 12px system-ui, sans-serif; fill: #333 }
   .track { stroke: #fb923c } .spot { fill: #fb923c } .ground { stroke: #b9a67e }
 }
 """
+_NAME = 52, 13
+"""Width and height that the name of a camera takes."""
 _REACH = 0.35
 """Length of the drawn pyramids, as a share of the network's size, where no object says how far to look."""
 
@@ -48,11 +50,10 @@ def rig_picture(
     pyramids = [_pyramid(camera, _reach(camera, centres, places)) for camera in cameras]
     spread = np.ptp(np.concatenate([centres, places]), axis=0)
     across = 0 if spread[0] >= spread[1] else 1
-    panes = [("from above", (0, 1), ("x, m", "y, m")), ("from the side", (across, 2), ("xy"[across] + ", m", "z, m"))]
     body = ""
-    for index, (name, axes, labels) in enumerate(panes):
+    for index, (name, axes) in enumerate((("from above", (0, 1)), ("from the side", (across, 2)))):
         top = 30 + index * (_PANE + _GAP)
-        body += _pane(name, axes, labels, top, cameras, pyramids, places)
+        body += _pane(f"{name}: {'xyz'[axes[0]]} and {'xyz'[axes[1]]}, metres", axes, top, cameras, pyramids, places)
     height = 30 + 2 * _PANE + 2 * _GAP
     label = html.escape(title or "camera network")
     return (
@@ -80,7 +81,6 @@ def _pyramid(camera: CaptureCamera, reach: float) -> Float64[np.ndarray, "corner
 def _pane(
     name: str,
     axes: tuple[int, int],
-    labels: tuple[str, str],
     top: int,
     cameras: Sequence[CaptureCamera],
     pyramids: Sequence[np.ndarray],
@@ -95,21 +95,31 @@ def _pane(
         x, y = (point[list(axes)] - middle) * scale
         return _WIDTH / 2 + float(x), top + _PANE / 2 - float(y)
 
-    parts = [f'<text x="{_MARGIN}" y="{top + 14}">{name} ({labels[0]}, {labels[1]})</text>']
+    parts = [f'<text x="{_MARGIN}" y="{top + 14}">{name}</text>']
     parts.append(_grid(middle, scale, top, axes[1] == 2))
+    named: list[tuple[float, float]] = []
     for camera, pyramid in zip(cameras, pyramids, strict=True):
         apex, *corners = (place(corner) for corner in pyramid)
         for one, other in zip(corners, [*corners[1:], corners[0]], strict=True):
             shape = " ".join(f"{x:.1f},{y:.1f}" for x, y in (apex, one, other))
             parts.append(f'<polygon class="view" points="{shape}"/>')
         parts.append(f'<circle class="camera" cx="{apex[0]:.1f}" cy="{apex[1]:.1f}" r="4"/>')
-        parts.append(f'<text x="{apex[0] + 6:.1f}" y="{apex[1] - 6:.1f}">{html.escape(camera.name)}</text>')
+        x, y = _free(apex[0] + 6, apex[1] - 6, named)
+        parts.append(f'<text x="{x:.1f}" y="{y:.1f}">{html.escape(camera.name)}</text>')
     path = [place(position) for position in places]
     if len(path) > 1:
         line = " ".join(f"{x:.1f},{y:.1f}" for x, y in path)
         parts.append(f'<polyline class="track" points="{line}"/>')
     parts += [f'<circle class="spot" cx="{x:.1f}" cy="{y:.1f}" r="3"/>' for x, y in path]
     return "".join(parts)
+
+
+def _free(x: float, y: float, taken: list[tuple[float, float]]) -> tuple[float, float]:
+    """The first place for a name upwards of a point that is clear of the others; it is taken then."""
+    while any(abs(x - u) < _NAME[0] and abs(y - v) < _NAME[1] for u, v in taken):
+        y -= _NAME[1]
+    taken.append((x, y))
+    return x, y
 
 
 def _grid(middle: np.ndarray, scale: float, top: int, side: bool) -> str:

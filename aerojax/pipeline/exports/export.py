@@ -9,7 +9,7 @@ from typing import Literal
 from aerojax.capture.format import Capture
 from aerojax.pipeline.exports.coco import export_coco
 from aerojax.pipeline.exports.gaussians import export_ply, export_usd
-from aerojax.pipeline.exports.sapient import export_sapient
+from aerojax.pipeline.exports.sapient import export_sapient, require_sapient
 from aerojax.pipeline.exports.tables import export_csv, export_jsonl
 from aerojax.pipeline.exports.video import export_videos
 from aerojax.pipeline.offline import Clip
@@ -23,6 +23,16 @@ csv, jsonl: the track with time, position, velocity, size and label so far.
 coco: masks and boxes back in each image. video: overlay videos of each camera and a mosaic.
 sapient: detection reports of BSI Flex 335.
 """
+
+
+def require_exports(capture: Capture, names: Sequence[ExportName], began: str) -> None:
+    """Refuse at once, before anything is reconstructed, what `export_clip` would refuse.
+
+    Raises:
+        UserError: an optional package is not there, or the capture lacks what an export needs.
+    """
+    if "sapient" in names:
+        require_sapient(capture, began)
 
 
 def export_clip(
@@ -60,7 +70,7 @@ def export_clip(
         "video": lambda: export_videos(capture, clip, points, folder / "video", progress=progress),
         "sapient": lambda: export_sapient(capture, points, folder / "sapient.jsonl", began),
     }
-    written = {}
+    written: dict[str, Path] = {}
     for name in dict.fromkeys(names):
         written[name] = write[name]()
         progress(len(written), len(names), name)

@@ -6,6 +6,7 @@ is one of the standard's. Places are latitude, longitude and height on WGS 84, s
 
 from __future__ import annotations
 
+import importlib.util
 import uuid
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -30,6 +31,21 @@ _NAMESPACE = uuid.UUID("6f1c7c1e-0d0b-5d0e-9a52-0d5b5c1f3a77")
 """Of the node ids; any fixed value."""
 
 
+def require_sapient(capture: Capture, began: str) -> None:
+    """Refuse a capture without a place on the earth, and a machine without the bindings.
+
+    Raises:
+        UserError: the bindings are not installed, the capture has no origin, or `began` is no time.
+    """
+    if importlib.util.find_spec("sapient_msg") is None:
+        message = "export=sapient needs the package sapient-msg"
+        raise UserError("unavailable", message, "pip install 'aerojax[sapient]'")
+    if capture.origin is None:
+        message = f"{capture.folder}/capture.json has no origin, and SAPIENT wants latitude and longitude"
+        raise UserError("missing", message, 'add "origin": {"latitude": …, "longitude": …, "height": …}')
+    _moment(began)
+
+
 def export_sapient(capture: Capture, points: Sequence[TrackPoint], path: Path, began: str) -> Path:
     """One message with a detection report a frame.
 
@@ -40,17 +56,12 @@ def export_sapient(capture: Capture, points: Sequence[TrackPoint], path: Path, b
         began: time of frame 0, ISO 8601; UTC where it names no offset.
 
     Raises:
-        UserError: the bindings are not installed, the capture has no origin, or `began` is no time.
+        UserError: as `require_sapient`.
     """
-    try:
-        from google.protobuf import json_format
-        from sapient_msg.bsi_flex_335_v2_0 import location_pb2, sapient_message_pb2
-    except ImportError:
-        message = "export=sapient needs the package sapient-msg"
-        raise UserError("unavailable", message, "pip install 'aerojax[sapient]'") from None
-    if capture.origin is None:
-        message = f"{capture.folder}/capture.json has no origin, and SAPIENT wants latitude and longitude"
-        raise UserError("missing", message, 'add "origin": {"latitude": …, "longitude": …, "height": …}')
+    require_sapient(capture, began)
+    from google.protobuf import json_format
+    from sapient_msg.bsi_flex_335_v2_0 import location_pb2, sapient_message_pb2
+
     start = _moment(began)
     node = str(uuid.uuid5(_NAMESPACE, str(capture.folder.resolve())))
     track = ulid(start, number_of(node, began, "track"))
