@@ -40,7 +40,7 @@ class Config:
 
     preset: str
     seed: int = 0
-    captures: Path
+    captures: Path = field(metadata={"given": True})
     weights: Path | None = None
     pipeline: PipelineConfig = field(default_factory=PipelineConfig)
     trust: TrustConfig = field(default_factory=TrustConfig)

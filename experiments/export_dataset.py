@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from rich.console import Console
@@ -20,6 +20,7 @@ class Config:
 
     dataset: a generated data set, a folder of captures or one capture.
     format: names of `FORMATS`.
+    out: folder of the exports.
     images: how they get there; undistorted ones are written anew.
     depth: write depth maps where format and capture have them.
     replicator_layout: flat has all files of a camera in one folder.
@@ -27,7 +28,7 @@ class Config:
     """
 
     preset: str
-    dataset: Path
+    dataset: Path = field(metadata={"given": True})
     format: tuple[str, ...]
     out: Path
     images: Placement = "copy"

@@ -47,7 +47,7 @@ class Config:
     """
 
     preset: str
-    source: Path
+    source: Path = field(metadata={"given": True})
     calibration: CalibrationConfig = field(default_factory=AutoCalibrationConfig)
     images: Path | None = None
     masks: Path | None = None

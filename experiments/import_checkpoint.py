@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -22,12 +22,13 @@ from experiments._launch.command import Run, experiment
 class Config:
     """The checkpoint, what it does not say, and where the weights go.
 
+    checkpoint: a `.pt` file of the published code. out: the weights to write, `.safetensors`.
     heads: of the attention; the shapes hold only heads times width.
     tokens, frames: of a frame and of a clip in training.
     """
 
     preset: str
-    checkpoint: Path
+    checkpoint: Path = field(metadata={"given": True})
     out: Path
     heads: int = 4
     tokens: int = 512

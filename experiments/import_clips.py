@@ -22,6 +22,7 @@ from experiments._launch.progress import progress_bar
 class Config:
     """Where the frames are, what their paths do not say, and where the clips go.
 
+    source: folder of frames. out: folder of the clips.
     label, split: of every sequence; folders on the way say it if null.
     version: which of a preprocessed frame's random subsets.
     tokens: kept of a frame; all clips of a training need the same.
@@ -30,7 +31,7 @@ class Config:
 
     preset: str
     seed: int = 0
-    source: Path
+    source: Path = field(metadata={"given": True})
     out: Path
     label: str | None = None
     split: Split | None = None

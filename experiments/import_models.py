@@ -26,7 +26,7 @@ class Config:
     """
 
     preset: str
-    models: Path
+    models: Path = field(metadata={"given": True})
     assets: Path = Path("data/assets")
     out: Path | None = None
     sheet: SheetConfig = field(default_factory=lambda: SheetConfig(largest_bytes=2_000_000))

@@ -15,8 +15,19 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import ChoiceSweep, QuotedString
 from hydra.errors import HydraException
 
+from experiments._launch.front import is_bare
+
 _QUOTED = ("'", '"', "[", "{", "(")
 """What a value begins with that is quoted already or is no plain text."""
+
+
+def with_keys(arguments: Sequence[str], config_type: type[Any]) -> list[str]:
+    """The arguments, with the key before a path that stands alone: `DIR` is `capture=DIR`.
+
+    The key is that of the field with the metadata `given`; without such a field they stay as they are.
+    """
+    given = next((one.name for one in dataclasses.fields(config_type) if one.metadata.get("given")), None)
+    return [f"{given}={one}" if given and is_bare(one) else one for one in arguments]
 
 
 def with_quotes(arguments: Sequence[str], config_type: type[Any]) -> list[str]:

@@ -34,8 +34,9 @@ from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
-from experiments._launch.arguments import with_quotes
+from experiments._launch.arguments import with_keys, with_quotes
 from experiments._launch.composition import CONF_DIR, store_defaults
+from experiments._launch.front import answer
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PACKAGE = __name__.removesuffix("._launch.command")
@@ -105,7 +106,8 @@ def experiment(
             os.environ["HYDRA_FULL_ERROR"] = "1"  # exceptions come back here instead of being printed and swallowed
             os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
             keep_compiled_code()
-            sys.argv[1:] = with_quotes(sys.argv[1:], config_type)
+            answer(f"{PACKAGE}.{name}", sys.argv[1:])
+            sys.argv[1:] = with_quotes(with_keys(sys.argv[1:], config_type), config_type)
             store_defaults(config_type)
             job.__module__ = f"{PACKAGE}.{name}"  # names the run; this file would otherwise
             entry = hydra.main(version_base="1.3", config_path=str(CONF_DIR), config_name=name)(job)

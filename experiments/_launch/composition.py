@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, get_type_hints
 
 from hydra import compose, initialize_config_dir
@@ -18,8 +17,8 @@ from hydra.core.global_hydra import GlobalHydra
 from omegaconf import MISSING, OmegaConf
 
 from aerojax.core.config import default_of, door_of, members_of, to_plain
+from experiments._launch.presets import CONF_DIR
 
-CONF_DIR = Path(__file__).resolve().parents[2] / "conf"
 DEFAULTS = "config_defaults"
 """Name under which `conf/base.yaml` finds the defaults of the act that runs."""
 

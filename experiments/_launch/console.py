@@ -51,5 +51,8 @@ def main(arguments: list[str] | None = None) -> None:
         remedy = f"did you mean {near[0]}?" if near else "aerojax --help lists them"
         print(f"error: there is no act {name!r}; {remedy}", file=sys.stderr)
         sys.exit(2)
+    from experiments._launch.front import answer  # not for the list of acts
+
+    answer(f"{PACKAGE}.{name}", others)
     sys.argv = [str(ACTS / f"{name}.py"), *others]
     importlib.import_module(f"{PACKAGE}.{name}").main()

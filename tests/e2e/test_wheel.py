@@ -131,7 +131,7 @@ def test_the_installed_command_lists_acts_and_configuration(installed, tmp_path)
     done = aerojax(installed, tmp_path, "--help")
     assert done.returncode == 0 and "classify " in done.stdout, done.stderr
     done = aerojax(installed, tmp_path, "classify", "--help")
-    assert done.returncode == 0 and done.stdout.startswith("aerojax classify [key=value ...]"), done.stderr
+    assert done.returncode == 0 and done.stdout.startswith("aerojax classify [CAPTURE] [key=value ...]"), done.stderr
     assert not {"kernels", "experiments", "conf"} & {path.name for path in installed.iterdir()}
 
 

@@ -114,9 +114,9 @@ def test_unknown_override_as_a_process(tmp_path):
 def test_help_names_presets_and_values():
     done = process("--help")
     assert done.returncode == 0 and done.stderr == ""
-    assert done.stdout.startswith("python -m experiments.classify [key=value ...]")
+    assert done.stdout.startswith("python -m experiments.classify [CAPTURE] [key=value ...]")
     assert "preset=smoke|small|full" in done.stdout
-    assert "crop_size: 128" in done.stdout and "capture: null" in done.stdout
+    assert "pipeline.crop_size=INTEGER" in done.stdout and "capture=PATH" in done.stdout
 
 
 def test_a_run_is_finished_by_its_last_file_and_its_configuration(tmp_path):
