@@ -36,6 +36,15 @@ def test_clips_hold_the_tokens_that_training_takes(preset):
     assert all(folder.startswith(kept["folder"]) for folder in taken["clips"])
 
 
+def test_no_group_has_the_name_of_a_field():
+    """Hydra takes `rows=…` for a group of that name, whatever act it belongs to, and the field cannot be set."""
+    groups = {path.name for path in CONF_DIR.iterdir() if path.is_dir()}
+    for name in NAMES:
+        used = {path.parent.name for path in files_of(name)}
+        fields = {field.name for field in dataclasses.fields(config_of(name))}
+        assert fields & groups <= used | {"preset"}, f"{name}: {sorted(fields & groups)}"
+
+
 def test_every_experiment_has_a_config():
     acts = {p.stem for p in (ROOT / "experiments").glob("*.py") if "\n@experiment(" in p.read_text()}
     assert acts == set(NAMES)
@@ -217,3 +226,18 @@ def test_every_file_belongs_to_an_act():
 def test_a_repeated_default_is_found(text, expected):
     rows = settings_of(Path(), config_of("classify"), text)
     assert sorted(key for key, value, default in rows if same(value, default)) == expected
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("pipeline.crop_size=-3", "crop_size is -3 in PipelineConfig; it must be at least 16"),
+        ("pipeline.reconstruct.grid=0", "grid is 0 in HullConfig; it must be at least 2"),
+        ("pipeline.decimation.keep=0", "keep is 0 in DecimationConfig; it must be at least 1"),
+        ("sample.sequence.fps=0", "fps is 0.0 in SequenceConfig; it must be at least 0.01"),
+    ],
+)
+def test_bad_numbers_end_in_one_line(override, told):
+    with pytest.raises(UserError) as caught:
+        to_dataclass(values_of("classify", override), config_of("classify"))
+    assert told in str(caught.value) and "\n" not in str(caught.value)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card, Settings, TrainRotation, flat_settings
-from aerojax.core.config import to_mapping
+from aerojax.core.config import require_at_least, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, Crops, Evidence
 
@@ -138,7 +138,7 @@ def require_counts(config: ClassifierConfig, *names: str, least: int = 1) -> Non
     Raises:
         UserError: names the first such field, its value and the least that works.
     """
-    _require(config, names, lambda value: value >= least, f"it must be at least {least}")
+    require_at_least(config, *names, least=least)
 
 
 def require_rates(config: ClassifierConfig, *names: str) -> None:

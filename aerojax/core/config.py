@@ -64,8 +64,10 @@ def _describe(error: BaseException, expected: Any) -> str:
 
 def _converter() -> cattrs.Converter:
     converter = cattrs.Converter(forbid_extra_keys=True, detailed_validation=True)
-    for kind, accepted in ((int, (int,)), (float, (int, float)), (str, (str,)), (bool, (bool,)), (Path, (str, Path))):
+    for kind, accepted in ((int, (int,)), (float, (int, float)), (str, (str,)), (bool, (bool,))):
         converter.register_structure_hook(kind, _strict(kind, accepted))
+    path = _strict(Path, (str, Path))
+    converter.register_structure_hook(Path, lambda value, kind: path(value, kind).expanduser())  # a shell's ~ in quotes
     converter.register_structure_hook_func(lambda kind: get_origin(kind) is Literal, _choice)
     converter.register_structure_hook_factory(_is_list, lambda kind: _list_of(converter, kind))
     converter.register_structure_hook_factory(_has_door, lambda kind: _with_default_members(converter, kind))
@@ -126,6 +128,18 @@ def _with_default_members(converter: cattrs.Converter, kind: Any) -> Callable[[A
     return structure
 
 
+def require_at_least(config: Any, *names: str, least: float = 1) -> None:
+    """Refuse fields of a configuration that are too small, or no numbers; for its `__post_init__`.
+
+    Raises:
+        UserError: names the first such field, its value and the least that works.
+    """
+    for name in names:
+        if not getattr(config, name) >= least:
+            problem = f"{name} is {getattr(config, name)} in {type(config).__name__}"
+            raise UserError("out-of-range", problem, f"it must be at least {least:g}")
+
+
 _CONVERTER = _converter()
 
 
@@ -144,8 +158,9 @@ def to_dataclass(values: Mapping[str, Any], config_type: type[_T], *, source: st
         return _CONVERTER.structure(dict(values), config_type)
     except cattrs.BaseValidationError as error:
         lines = cattrs.transform_error(error, path="", format_exception=_describe)
-        problems = "\n".join("  " + _tidy(line) for line in lines)
-        raise UserError("mismatch", f"{source} does not fit {config_type.__name__}:\n{problems}") from None
+        problems = [_tidy(line) for line in lines]
+        told = f" {problems[0]}" if len(problems) == 1 else "".join(f"\n  {problem}" for problem in problems)
+        raise UserError("mismatch", f"{source} does not fit {config_type.__name__}:{told}") from None
 
 
 def _tidy(line: str) -> str:
@@ -164,4 +179,13 @@ def to_plain(value: Any) -> Any:
     return _CONVERTER.unstructure(value)
 
 
-__all__ = ["default_of", "door_of", "is_door", "members_of", "to_dataclass", "to_mapping", "to_plain"]
+__all__ = [
+    "default_of",
+    "door_of",
+    "is_door",
+    "members_of",
+    "require_at_least",
+    "to_dataclass",
+    "to_mapping",
+    "to_plain",
+]

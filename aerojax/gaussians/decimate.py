@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Int, Key
 
+from aerojax.core.config import require_at_least
 from aerojax.core.types import Gaussians
 from kernels.sampling.farthest_points import farthest_points
 
@@ -22,6 +23,10 @@ class DecimationConfig:
     draw: int = 8192
     farthest: int = 1200
     keep: int = 1024
+
+    def __post_init__(self) -> None:
+        """Refuse what keeps nothing."""
+        require_at_least(self, "draw", "farthest", "keep")
 
 
 def decimate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from aerojax.classify.card import Setting, flat_settings
-from aerojax.core.config import to_mapping
+from aerojax.core.config import require_at_least, to_mapping
 from aerojax.gaussians.decimate import DecimationConfig
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.hull import HullConfig
@@ -36,6 +36,17 @@ class PipelineConfig:
     min_views: int = 2
     decimation: DecimationConfig = field(default_factory=DecimationConfig)
     lost_after: int = 90
+
+    def __post_init__(self) -> None:
+        """Refuse what no frame could be used with.
+
+        Raises:
+            UserError: names the field and the least that works.
+        """
+        require_at_least(self, "crop_size", least=16)
+        require_at_least(self, "view_size", least=8)
+        require_at_least(self, "min_views", least=2)
+        require_at_least(self, "lost_after")
 
 
 def clip_settings(config: PipelineConfig) -> dict[str, Setting]:

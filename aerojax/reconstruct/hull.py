@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from aerojax.core.arrays import AnyArray, namespace
+from aerojax.core.config import require_at_least
 from aerojax.core.types import SH_C0, Camera, Gaussians, View, pytree_dataclass, static_field
 from aerojax.geometry.cameras import pixels_of_camera_points
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
@@ -45,6 +46,17 @@ class HullConfig(ReconstructorConfig):
     extent: float = 1.1
     dilation: float = 0.35
     opacity: float = 0.95
+
+    def __post_init__(self) -> None:
+        """Refuse what holds no hull.
+
+        Raises:
+            UserError: names the field and the least that works.
+        """
+        require_at_least(self, "grid", least=2)
+        require_at_least(self, "capacity")
+        require_at_least(self, "extent", least=0.1)
+        require_at_least(self, "dilation", "opacity", least=0)
 
     def build(self) -> Hull:
         """The member."""

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.core.config import require_at_least
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
 from aerojax.simulate.assets.catalogue import Identity
@@ -53,6 +54,11 @@ class SequenceConfig:
     samples: int = 3
     depth: bool = True
     white_dome: bool = True
+
+    def __post_init__(self) -> None:
+        """Refuse what shows nothing."""
+        require_at_least(self, "frames", "samples")
+        require_at_least(self, "fps", least=0.01)
 
 
 def plan_sample(identity: Identity, config: SequenceConfig, *, seed: int, assets: Path) -> ScenePlan:
