@@ -134,13 +134,36 @@ def test_every_problem_of_a_list_is_named(tmp_path):
         assert part in str(error.value)
 
 
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("7", "10", "100"),
+        ("0007", "0010", "0100"),
+        ("kite-7", "kite-10", "kite-100"),
+        ("frame7", "frame10", "frame100"),
+    ],
+)
+def test_any_numbering_is_an_order_of_time(tmp_path, names):
+    folder = tmp_path / "test/bird/eagle"
+    folder.mkdir(parents=True)
+    for name in names:
+        (folder / f"{name}.ply").touch()
+    (sequence,) = find_sequences(tmp_path)
+    assert [path.stem for path in sequence.files] == list(names)
+    assert sequence.label == "bird" and sequence.identity == ("kite" if "kite" in names[0] else "eagle")
+
+
 def test_every_problem_of_a_folder_is_named(tmp_path):
     for name in ("bird/picture.ply", "a/x_frame_0001.ply"):
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).touch()
     with pytest.raises(UserError) as error:
         find_sequences(tmp_path)
-    for part in ("picture.ply: the name holds no frame", "x_frame_0001.ply: no folder on its way is a class", "split"):
+    for part in (
+        "picture.ply: the name ends in no number",
+        "x_frame_0001.ply: no folder on its way is a class",
+        "split",
+    ):
         assert part in str(error.value)
     (tmp_path / "empty").mkdir()
     with pytest.raises(UserError, match="no frames"):

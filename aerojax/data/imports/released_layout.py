@@ -1,8 +1,9 @@
 """Which files of a folder of Gaussians are frames of which sequence: the released data layouts and any folder of PLYs.
 
 Preprocessed: `{train,val,test}.json` list `split/class id/NAME_frame_NNNN[_sK].pt`; `category.txt` has `id,name` lines.
-Otherwise: every `[NAME_]frame_NNNN[_sK].ply` (or raw `.pt`) below the folder; NAME is the parent folder's where the
-file has none, class and split are folders on the way, or given.
+Otherwise: every `[NAME_]frame_NNNN[_sK].ply` (or raw `.pt`) below the folder, or `NAME12.ply`, `12.ply`: the last
+digits are the frame's number, with zeros before them or without, from any number on and with gaps. NAME is the parent
+folder's where the file has none, class and split are folders on the way, or given.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from aerojax.core.types import CLASSES
 from aerojax.data.splits import SPLITS
 
 _FRAME = re.compile(r"^(?:(?P<name>.+)_)?frame_(?P<frame>\d+)(?:_s(?P<sweep>\d+))?$")
+_NUMBERED = re.compile(r"^(?:frame|point_cloud|(?P<name>.*?))[ _.-]*(?P<frame>\d+)(?P<sweep>)$")
+"""Any other name that ends in a number; two usual words say nothing of what is shown."""
 _ASSETS = (re.compile(r"_lform_(.+)_custom_"), re.compile(r"_\d+(?:\.\d+)?x_(.+)$"))
 """Where a rendered sequence's name holds its asset: within a line formation's, or behind the speed."""
 
@@ -136,12 +139,12 @@ def _categories(path: Path, problems: list[str]) -> Mapping[str, str]:
 def _below(source: Path, label: str | None, split: str | None, problems: list[str]) -> Iterator[_Frame]:
     for path in sorted(p for p in source.rglob("*") if p.suffix in (".ply", ".pt") and p.is_file()):
         place = path.relative_to(source).parent
-        match = _FRAME.match(path.stem)
+        match = _FRAME.match(path.stem) or _NUMBERED.match(path.stem)
         steps = [source.name, *place.parts]
         which = label or next((part for part in reversed(steps) if part in CLASSES), None)
         part = split or next((part for part in reversed(steps) if part in SPLITS), None)
         if match is None:
-            problems.append(f"{path}: the name holds no frame_NNNN")
+            problems.append(f"{path}: the name ends in no number of a frame")
         if which is None:
             problems.append(f"{path}: no folder on its way is a class ({', '.join(CLASSES)}); set label")
         if part is None:
