@@ -128,7 +128,7 @@ def _with_default_members(converter: cattrs.Converter, kind: Any) -> Callable[[A
     return structure
 
 
-def require_at_least(config: Any, *names: str, least: float = 1) -> None:
+def require_at_least(config: Any, *names: str, least: int | float = 1) -> None:
     """Refuse fields of a configuration that are too small, or no numbers; for its `__post_init__`.
 
     Raises:
