@@ -124,10 +124,16 @@ class Viewer {
     return [lines, square];
   }
 
+  // Names that would cover one another are left out, those of cameras that disagree last.
   nameCameras(eye, ratio) {
-    for (const camera of this.data.scene.rig) {
-      const pixel = pixelOf(eye, camera.centre);
-      if (pixel) this.label(camera.name + (camera.suspect ? " disagrees" : ""), times([...pixel, 0], 1 / ratio), camera.suspect ? "suspect" : "");
+    const taken = [], rig = [...this.data.scene.rig].sort((a, b) => b.suspect - a.suspect);
+    for (const camera of rig) {
+      const pixel = pixelOf(eye, camera.centre), text = camera.name + (camera.suspect ? " disagrees" : "");
+      if (!pixel) continue;
+      const [x, y] = times([...pixel, 0], 1 / ratio), width = 7.5 * text.length;
+      if (taken.some(([u, v, w]) => Math.abs(v - y) < 14 && x < u + w && u < x + width)) continue;
+      taken.push([x, y, width]);
+      this.label(text, [x, y], camera.suspect ? "suspect" : "");
     }
   }
 
