@@ -80,7 +80,8 @@ def import_depthsplat(path: Path, config: DepthSplatConfig, *, key: Key[Array, "
         network = network_from_published(used, shapes.network)
     else:
         network = untrained_depthsplat(config, key=key).network
-        network = network_from_published(published_tensors(network) | used, network)
+        drawn = {name: np.asarray(value) for name, value in published_tensors(network).items()}
+        network = network_from_published(drawn | used, network)
     kept = {_stored(name, kind, tensors) for name in used}
     unused = tuple(sorted(name for name in tensors if name not in kept))
     return ImportedDepthSplat(DepthSplat(network, config), config, kind, unused)
