@@ -53,7 +53,10 @@ _MOST = 10_000_000  # images or points of one file; keeps a damaged count from c
 
 @dataclass(frozen=True)
 class ColmapConfig(CalibrationConfig):
-    """A folder with cameras and images as .txt or .bin, such as `sparse/0`; poses of one camera are averaged."""
+    """A folder with cameras and images as .txt or .bin, such as `sparse/0`; poses of one camera are averaged.
+
+    still: how far the poses of one camera's images may lie apart.
+    """
 
     name: Literal["colmap"] = "colmap"
     still: Stillness = field(default_factory=Stillness)

@@ -17,7 +17,8 @@ from aerojax.core.errors import UserError
 class Stillness:
     """How far the poses of one camera's images may lie apart; their mean is taken.
 
-    share: of positions, as a share of the network's size. degrees: of directions.
+    share: of positions, as a share of the network's size.
+    degrees: of directions.
     """
 
     share: float = 1e-3
