@@ -18,11 +18,11 @@ from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.evaluate.kills.outputs import FOREIGN, UNFINISHED, VOLATILE
 from aerojax.evaluate.kills.trials import KillRow, try_target
-from experiments._kills.acts import ACTS, FACTORY_ACT, ROOT, make_inputs, targets
+from experiments._kills.acts import ACTS, FACTORY_ACT, IGNORED, ROOT, make_inputs, targets
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
-LEFT_OUT = {"keys": sorted(VOLATILE), "names": [*UNFINISHED, *FOREIGN, "checkpoints"]}
+LEFT_OUT = {"keys": sorted(VOLATILE), "names": [*UNFINISHED, *FOREIGN, *IGNORED, "*table.md"]}
 """What need not be the same after a kill: times and what Hydra and orbax keep for themselves."""
 
 

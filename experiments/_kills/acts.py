@@ -18,6 +18,8 @@ FACTORY = ("preset=smoke", "rigs.kinds=[sphere]", "rigs.cameras=[3,4]", "rigs.wi
 TRAINING = ("preset=smoke", "tests=[]", "also_test=[]", "training.epochs=4", "training.checkpoint_steps=1")
 TINY = tuple(f"model.{name}" for name in ("token_features=8", "token_invariants=8", "channels=4", "heads=2"))
 GROWING = ("*history.jsonl", "*checkpoints/*", "*events.out*")
+IGNORED = ("*checkpoints/*", "*weights.md")
+"""What training keeps for itself, and pages that state minutes in a sentence."""
 FACTORY_ACT = "generate_clips"
 """The act that works on nothing."""
 ACTS = (
@@ -57,7 +59,7 @@ def targets(inputs: Path) -> dict[str, KillTarget]:
         return KillTarget(
             lambda out: act("train_classifier", *TRAINING, *clips, *overrides, out=out),
             growing=GROWING,
-            ignoring=("*checkpoints/*",),
+            ignoring=IGNORED,
         )
 
     made = (
@@ -88,8 +90,8 @@ def targets(inputs: Path) -> dict[str, KillTarget]:
                 *("classifier=E_C,E_X", "seed=0", "variation.tokens=16", f"test.rotations={out}/rotations"),
                 f"hydra.sweep.dir={out}/sweep",
             ),
-            growing=GROWING,
-            ignoring=("*checkpoints/*",),
+            growing=(*GROWING, "*table.json"),
+            ignoring=(*IGNORED, "*table.md"),
         ),
     )
     return dict(zip(ACTS, made, strict=True))

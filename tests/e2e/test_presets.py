@@ -18,6 +18,7 @@ import pytest
 from support.act_configs import NAMES, PRESETS, values_of
 from support.clip_examples import random_clip
 from support.command_line import run_command
+from support.gltf_files import triangle
 
 from aerojax.core.types import CLASSES
 from aerojax.data.clips import VIEWS, save_clip
@@ -44,20 +45,33 @@ ON_CLIPS = {
     "measure_drift": (("count=2", "rotations=1", "double=1"), {}),
 }
 """Acts on clips: what makes each short, and more of that by preset."""
+FEW_CONDITIONS = tuple(
+    f"conditions.{name}"
+    for name in ("identities=1", "contexts=[]", "masks=[]", "swept=1", "distances=[]", "recorded=1", "rigs=[]")
+)
 ALONE = {
     "classify": (("sample.sequence.frames=2",), {}),
     "draw_contact_sheets": (("splits=[val]", "labels=[bird]"), {}),
-    "fit_gaussians": (("fit.steps=2", "fit.report_every=1", "sample.sequence.rigs.0.cameras=4"), {}),
+    "eval_reconstructor": (("members=[constant]", "pictures=1", "repeats=1", *FEW_CONDITIONS), {}),
+    "fit_gaussians": (("fit.steps=2", "fit.report_every=1"), {}),
     "fuzz": (("seconds=1", "only=[obj]", "workers=1"), {}),
     "generate_clips": (("individuals=1", "clips=1", "least_frames=1", "workers=1"), {}),
+    "generate_views": (("objects=2", "poses=1", "attempts=4", "workers=1"), {}),
     "measure_colour_leak": (("per_class=1", "views=1", "permutations=2"), {}),
     "measure_cost": (("variant=[exact]", "mode=[X]", "untrained=[]", "repeats=2"), {}),
     "measure_robustness": (
         (*ONE_CLIP, "workers=1", "draws=10", f"curves={{{', '.join(f'{name}: []' for name in CURVES)}}}"),
         {},
     ),
+    "measure_soak": (("frames=12", "windows=2", "settled=0", "sample.sequence.frames=4"), {}),
 }
 """Acts that need no data."""
+SMALL_LGM = (
+    *("reconstruct=lgm", "model.size=16", "model.down=[16,16]", "model.up=[16]"),
+    *("model.attends_down=[false,true]", "model.attends_up=[false]"),
+)
+ONLY_COUNTS = {"measure_kills": ("kills=2", "only=[]")}
+"""Acts whose presets say how often and nothing else: what makes them one."""
 ON_DATASETS = ("describe_dataset", "reconstruct_dataset")
 SWEEPS = ("compare_classifiers",)
 pytestmark = pytest.mark.slow
@@ -194,12 +208,32 @@ def test_sweeps(preset, clips_of, monkeypatch, tmp_path):
     assert json.loads((tmp_path / "sweep/table.json").read_text())["runs"] == 1
 
 
+@pytest.mark.parametrize("preset", ["small", "full"])
+def test_imported_models(preset, monkeypatch, tmp_path):
+    triangle().write(tmp_path / "a.glb")
+    models = tmp_path / "models.yaml"
+    models.write_text("models:\n  - {name: kite, file: a.glb, class: bird, forward: +Z, up: +Y}\n")
+    where = (f"models={models}", f"out={tmp_path}/out", f"assets={tmp_path}/assets")
+    assert "kite" in run(monkeypatch, "import_models", preset, tmp_path / "run", *where)
+
+
+@pytest.mark.parametrize("preset", ["small", "full"])
+def test_a_reconstructor(preset, monkeypatch, tmp_path):
+    few = ("objects=2", "poses=1", "attempts=4", "workers=1", f"folder={tmp_path}/views")
+    for split in ("train", "val"):
+        run(monkeypatch, "generate_views", preset, tmp_path / split, f"split={split}", *few)
+    short = (*SMALL_LGM, "training.epochs=1", "training.batch=1", "val_scenes=1")
+    found = run(monkeypatch, "train_reconstructor", preset, tmp_path / "run", f"views=[{tmp_path}/views]", *short)
+    assert found["scenes"]["train"] == 2
+
+
 def test_no_preset_is_left_out():
     """Acts that are not run here have one configuration whatever the preset, but for names of folders."""
-    run_here = {*ON_CLIPS, *ALONE, *ON_DATASETS, *SWEEPS, "generate_dataset"}
+    run_here = {*ON_CLIPS, *ALONE, *ON_DATASETS, *SWEEPS, "generate_dataset", "import_models", "train_reconstructor"}
     for act in set(NAMES) - run_here:
         configs = [
-            json.dumps(values_of(act, f"preset={preset}"), default=str, sort_keys=True).replace(preset, "…")
+            json.dumps(values_of(act, f"preset={preset}", *ONLY_COUNTS.get(act, ())), default=str, sort_keys=True)
             for preset in PRESETS[act]
         ]
+        configs = [text.replace(preset, "…") for text, preset in zip(configs, PRESETS[act], strict=True)]
         assert len(set(configs)) == 1, f"{act} differs by preset; run it here"

@@ -13,14 +13,14 @@ from aerojax.core.files import fingerprint
 VOLATILE = frozenset(
     {
         *("date", "seconds", "minutes", "images_per_s", "clips_per_s", "simulate", "cast", "write"),
-        *("new", "made", "images_written", "clips_made", "commit"),
+        *("new", "made", "images_written", "clips_made", "commit", "commits"),
     }
 )
 """Keys of JSON that state when, how fast, with which checkout, and how much this call did and not an earlier one."""
 UNFINISHED = (".*", "*.partial", "*.orbax-checkpoint-tmp*", "*.crswap")
 """Names, of files or of folders above them, that say that what they hold is not whole."""
-FOREIGN = ("hydra",)
-"""Folders that Hydra writes anew at each start."""
+FOREIGN = ("hydra", "multirun.yaml")
+"""What Hydra writes anew at each start."""
 BROKEN = "broken"
 """The mark of a file of JSON, or of weights, that cannot be read."""
 
