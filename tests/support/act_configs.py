@@ -19,7 +19,6 @@ REQUIRED = {
     "import_clips": ("source=source", "out=out"),
     "import_models": ("models=models.yaml",),
     "import_reconstructor": ("checkpoint=a.pt", "out=a.safetensors"),
-    "import_reconstructor": ("checkpoint=a.pth", "out=a.safetensors"),
     "import_replicator": ("recording=recording", "out=out", "fps=30"),
 }
 """Values without a default, by act."""
