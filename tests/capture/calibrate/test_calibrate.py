@@ -4,59 +4,16 @@ from __future__ import annotations
 
 import json
 
-import cv2
 import numpy as np
 import pytest
-from support.board_pictures import board_image, picture
+from support.board_pictures import CHARUCO, CHESS, SIZE, board_cameras, write_recording
 
 from aerojax.capture.calibrate.board import Board, BoardConfig
 from aerojax.capture.calibrate.network import calibrate_network
 from aerojax.capture.calibrate.recording import calibration_document, look_for_board
 from aerojax.capture.imports.calibration.opencv import OpencvConfig
 from aerojax.core.errors import UserError
-from aerojax.geometry.cameras import invert_rigid, look_at
-
-SIZE = 480, 360
-CHARUCO = BoardConfig(columns=7, rows=5, square=0.08, marker=0.06)
-CHESS = BoardConfig(kind="chessboard", columns=7, rows=6, square=0.08)
-CENTRES = ((-0.8, -1.5, 1.3), (0.1, -1.7, 1.2), (0.9, -1.4, 1.0))
-FRAMES = 12
-
-
-def cameras():
-    """K and pose of three cameras that look at one place."""
-    target = np.array([0.0, 0.0, 1.0])
-    K = [np.array([[500.0 + 8 * i, 0, 243.0 - 2 * i], [0, 502.0 + 8 * i, 178.0 + i], [0, 0, 1]]) for i in range(3)]
-    return K, [np.asarray(look_at(np.array(centre), target), np.float64) for centre in CENTRES]
-
-
-def poses(config):
-    """The board upright before the cameras, turned and moved; in frame 0 it lies on the ground, face up."""
-    rng = np.random.default_rng(3)
-    middle = np.array([config.columns, config.rows, 0.0]) * config.square / 2
-    found = []
-    for frame in range(FRAMES):
-        rotation = cv2.Rodrigues(rng.normal(size=3) * 0.3)[0] @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
-        place = np.array([0.0, 0.0, 1.0]) + rng.normal(size=3) * [0.12, 0.1, 0.08]
-        if frame == 0:
-            rotation, place = np.diag([1.0, -1.0, -1.0]), np.array([0.0, -0.2, 0.6])
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation, place - rotation @ middle
-        found.append(pose)
-    return found
-
-
-def write_recording(folder, config):
-    K, placed = cameras()
-    printed = board_image(config)
-    offset = config.square if config.kind == "chessboard" else 0.0  # its first corner is one square from the edge
-    for index in range(3):
-        (folder / f"cam_{index}").mkdir(parents=True)
-        for frame, pose in enumerate(poses(config)):
-            shifted = pose.copy()
-            shifted[:3, 3] += pose[:3, :2] @ np.full(2, offset)
-            image = picture(printed, offset, K[index], placed[index], shifted, SIZE)
-            cv2.imwrite(str(folder / f"cam_{index}/{frame:04d}.png"), image)
+from aerojax.geometry.cameras import invert_rigid
 
 
 @pytest.fixture(scope="module", params=[CHARUCO, CHESS], ids=["charuco", "chessboard"])
@@ -75,7 +32,7 @@ def test_the_network_is_found_again(recorded):
     _, board, views = recorded
     assert all(len(camera.seen) >= 9 for camera in views)
     network = calibrate_network(views, board, "none", None)
-    K, placed = cameras()
+    K, placed = board_cameras()
     assert network.network_px < 0.3 and max(network.lens_px) < 0.3
     for index in range(3):
         found = network.K[index].copy()
@@ -92,7 +49,7 @@ def test_the_network_is_found_again(recorded):
 def test_the_ground_is_where_the_board_lay(recorded):
     _, board, views = recorded
     network = calibrate_network(views, board, "none", 0)
-    _, placed = cameras()
+    _, placed = board_cameras()
     heights = [pose[2, 3] for pose in network.world_from_cam]
     np.testing.assert_allclose(heights, [one[2, 3] - 0.6 for one in placed], atol=0.03)
     with pytest.raises(UserError, match="frame 99") as refused:
