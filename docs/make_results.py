@@ -316,30 +316,6 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 if __name__ == "__main__":
-def endurance() -> str:
-    """What was killed, soaked and fuzzed, as far as there are results."""
-    there, rows = {path.stem for path in (ROOT / "results").glob("*.json")}, []
-    if "measure_kills" in there:
-        found = load("measure_kills")
-        for row in found["acts"]:
-            said = f"{row['byte_equal']} of {row['kills']} ended with the same bytes; {len(row['failures'])} failures"
-            rows.append([f"`{row['act']}`: SIGKILL at random moments, a full disk, a read-only folder", said])
-    if "measure_soak" in there:
-        found = load("measure_soak")
-        windows, growth = found["windows"], found["growth_in_10000_frames"]
-        said = f"{windows[1]['step_ms']:.1f} ms a step at the begin, {windows[-1]['step_ms']:.1f} at the end; "
-        said += f"{windows[-1]['resident_mb']:,.0f} MB, {growth['resident_mb']:+.2f} MB in 10,000 frames; "
-        said += f"{windows[-1]['handles']} handles, {windows[1]['handles']} at the begin; "
-        said += f"a probability at the same frame of the loop moves by at most {formatted(found['drift'], '.0e')}"
-        rows.append([f"a stream of {found['frames']:,} frames, {found['cameras']} small cameras", said])
-    if "fuzz" in there:
-        found = load("fuzz")
-        said = f"{len(found['findings'])} findings"
-        rows.append([f"{found['inputs']:,} damaged files of {len(found['read'])} formats, seed {found['seed']}", said])
-    return markdown(["what", "result"], rows) if rows else "Not measured yet."
-
-
     PAGE.write_text(page(), encoding="utf-8")
     README.write_text(readme(README.read_text(encoding="utf-8")), encoding="utf-8")
     print(PAGE, README, sep="\n")
-        endurance,
