@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-GRACE = 5.0
+GRACE = 20.0
 """Seconds that processes may take to notice that their parent is gone."""
 TAIL = 2000
 """Characters kept of what a command says."""
