@@ -41,7 +41,10 @@ class Bounds:
 class RefineConfig(TrainableConfig):
     """A hull and what corrects it.
 
-    hull: where Gaussians start; coarser than the hull alone, because a Gaussian that can be shaped covers more.
+    grid, capacity, dilation: of the hull that Gaussians start on, as in `HullConfig`; coarser than the hull alone,
+        because a Gaussian that can be shaped covers more.
+    coverage: least share of a pixel that counts as covered where the hull is cut: a blade or rod seldom fills half of
+        one, and updates can take off what is too much.
     image: side of the images that renderings are compared with, pixels; larger crops are averaged.
     updates: render-and-update steps; all have the same parameters.
     neighbours: that a Gaussian exchanges with.
@@ -52,7 +55,10 @@ class RefineConfig(TrainableConfig):
 
     adjustable: ClassVar[tuple[str, ...]] = ("updates",)
     name: Literal["refine"] = "refine"
-    hull: HullConfig = field(default_factory=lambda: HullConfig(grid=48, capacity=2048, dilation=0.25))
+    grid: int = 40
+    capacity: int = 1536
+    dilation: float = 0.15
+    coverage: float = 0.35
     image: int = 64
     updates: int = 2
     neighbours: int = 8
@@ -64,9 +70,16 @@ class RefineConfig(TrainableConfig):
         if self.image < 16 or self.image % 4 or min(self.updates, self.neighbours, self.width, *self.channels) < 1:
             sizes = f"image {self.image}, updates {self.updates}, neighbours {self.neighbours}, width {self.width}"
             raise UserError("out-of-range", f"refine: {sizes}", "use 1 or more, and a multiple of 4 from 16 for image")
-        if self.neighbours >= self.hull.capacity:
-            problem = f"refine: {self.neighbours} neighbours of {self.hull.capacity} Gaussians"
-            raise UserError("out-of-range", problem, "use fewer neighbours or a larger hull.capacity")
+        if not 0.0 < self.coverage < 1.0:
+            raise UserError("out-of-range", f"refine: coverage {self.coverage}", "a share lies between 0 and 1")
+        if self.neighbours >= self.capacity:
+            problem = f"refine: {self.neighbours} neighbours of {self.capacity} Gaussians"
+            raise UserError("out-of-range", problem, "use fewer neighbours or a larger capacity")
+
+    @property
+    def hull(self) -> HullConfig:
+        """Of the Gaussians before the first update."""
+        return HullConfig(grid=self.grid, capacity=self.capacity, dilation=self.dilation)
 
     def untrained(self, *, key: Key[Array, ""]) -> Refine:
         """The member with random parameters: its answer is the hull."""

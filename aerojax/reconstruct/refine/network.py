@@ -53,8 +53,10 @@ class RefineNetwork(nnx.Module):
         rngs, width = nnx.Rngs(params=key), config.width
         self.width = width
         self.pyramid = Pyramid(config.channels, rngs=rngs)
-        self.view = Mlp(sample_width(config.channels) + width + _OWN, width, width, rngs=rngs)
-        self.score = nnx.Linear(width, 1, rngs=rngs)
+        self.view_sample = nnx.Linear(sample_width(config.channels), width, rngs=rngs)
+        self.view_state = nnx.Linear(width + _OWN, width, rngs=rngs)
+        self.view = nnx.Linear(width, width, rngs=rngs)
+        self.score = nnx.Linear(width, 1, use_bias=False, rngs=rngs)
         self.pool = Mlp(4 * width + _OWN, 2 * width, width, rngs=rngs)
         self.pool_norm = nnx.LayerNorm(width, rngs=rngs)
         self.message = nnx.Linear(width, width, rngs=rngs)
@@ -63,7 +65,8 @@ class RefineNetwork(nnx.Module):
         self.exchange_norm = nnx.LayerNorm(width, rngs=rngs)
         zeros = nnx.initializers.zeros
         self.own_head = nnx.Linear(width, _OWN_CHANGES, kernel_init=zeros, rngs=rngs)
-        self.view_head = nnx.Linear(2 * width, _VIEW_CHANGES, kernel_init=zeros, rngs=rngs)
+        self.view_head = nnx.Linear(width, _VIEW_CHANGES, kernel_init=zeros, rngs=rngs)
+        self.state_head = nnx.Linear(width, _VIEW_CHANGES, kernel_init=zeros, use_bias=False, rngs=rngs)
 
     def initial(self, gaussians: int) -> Float[Array, "gaussian width"]:
         """What is remembered before the first update."""
@@ -93,7 +96,7 @@ class RefineNetwork(nnx.Module):
         now = jax.lax.stop_gradient(now)
         samples = sampled(now, lengths, seen, self.pyramid(seen.images), views)
         state = jnp.concatenate([memory, _own_numbers(now, lengths)], axis=-1)
-        said = nnx.gelu(self.view(_beside(samples, state)))
+        said = nnx.gelu(self.view(nnx.gelu(self.view_sample(samples) + self.view_state(state)[None])))
         memory = self.pool_norm(memory + self.pool(jnp.concatenate([*self._pooled(said, valid), state], axis=-1)))
         memory = self.exchange_norm(memory + self._exchanged(memory, now, near, lengths))
         return self._change(memory, said, samples[..., ERROR], views, valid), memory
@@ -124,7 +127,7 @@ class RefineNetwork(nnx.Module):
         valid: Bool[Array, "view"],
     ) -> Update:
         own = jnp.tanh(self.own_head(memory))
-        each = self.view_head(_beside(said, memory))
+        each = self.view_head(said) + self.state_head(memory)[None]
         weight = _over_views(each[..., 3:4], valid[:, None, None])
         axes = views.camera.world_from_cam[:, :3, :3]
         return Update(
@@ -153,13 +156,6 @@ def _relative(now: Parameters, near: Neighbours, lengths: Lengths) -> Float[Arra
     colour = now.colour[near.index] - now.colour[:, None]
     facing = jnp.einsum("gi,gki->gk", axes[:, :, 2], axes[near.index][..., 2])
     return jnp.concatenate([place, distance, colour, facing[..., None]], axis=-1)
-
-
-def _beside(
-    each: Float[Array, "view gaussian feature"], state: Float[Array, "gaussian width"]
-) -> Float[Array, "view gaussian _"]:
-    """Every view's numbers with the Gaussian's own."""
-    return jnp.concatenate([each, jnp.broadcast_to(state[None], (len(each), *state.shape))], axis=-1)
 
 
 def _over_views(

@@ -32,7 +32,8 @@ class Refine:
     def __call__(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, Int[Array, ""]]:
         """See `Reconstructor`; count and order are the hull's."""
         steps, count = self._steps(views, valid)
-        index = jnp.where(jnp.arange(self.config.hull.capacity) < count, jnp.arange(self.config.hull.capacity), 0)
+        order = jnp.arange(self.config.capacity)
+        index = jnp.where(order < count, order, 0)
         return jax.tree.map(lambda leaf: leaf[index], steps[-1]), count
 
     def steps(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, ...]:
@@ -40,8 +41,10 @@ class Refine:
         return self._steps(views, valid)[0]
 
     def _steps(self, views: View, valid: Bool[Array, "view"]) -> tuple[tuple[Gaussians, ...], Int[Array, ""]]:
-        valid = showing(views, valid)
-        start, count, _ = visual_hull(views, valid, config=self.config.hull)
+        # The hull's outlines run where its masks are one half.
+        outlined = replace(views, mask=jnp.minimum(views.mask * (0.5 / self.config.coverage), 1.0))
+        valid = showing(outlined, valid)
+        start, count, _ = visual_hull(outlined, valid, config=self.config.hull)
         real = jnp.arange(len(start.mean)) < count
         return refined(self.network, start, real, resized(views, self.config.image), valid, self.config), count
 
