@@ -97,7 +97,8 @@ def main(config: Config, run: Run) -> None:
                     figures = label_figures(np.stack([x for x, _ in known]), np.array([c for _, c in known]))
             except (UserError, OSError) as error:
                 rows.append({"capture": name, "error": failure(error)})
-            content = {"captures": rows, "figures": figures, "classes": CLASSES, **provenance(run.overrides)}
+            made = {"command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
+            content = {"captures": rows, "figures": figures, "classes": CLASSES, **made, **provenance(run.overrides)}
             write_json(run.directory / "metrics.json", content)  # after each, so that a killed run leaves what it knows
     show(Console(), rows, figures)
     failed = sum("error" in row for row in rows)
