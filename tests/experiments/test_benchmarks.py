@@ -62,8 +62,14 @@ def test_steps_are_timed_only_inside():
 
 
 def test_rates_leave_out_what_a_start_costs():
-    found = factory.rates({"clips": 4.0, "seconds": 10.0}, {"clips": 28.0, "seconds": 22.0})
-    assert found["clips_per_s"] == 2.0 and found["clips_per_s_with_start"] == round(28 / 22, 3)
+    found = factory.rates(
+        {"clips": 4.0, "seconds": 10.0, "cpu_s": 8.0}, {"clips": 28.0, "seconds": 22.0, "cpu_s": 24.0}
+    )
+    assert (
+        found["clips_per_s"] == 2.0
+        and found["clips_per_cpu_s"] == 1.5
+        and found["clips_per_s_with_start"] == round(28 / 22, 3)
+    )
 
 
 def picture() -> RenderedImage:
