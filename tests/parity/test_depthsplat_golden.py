@@ -60,7 +60,7 @@ def test_features_with_the_correct_shift_mask(folder):
 @pytest.mark.slow
 def test_depth_and_gaussians(folder):
     found = depth_stages(golden_network(folder), golden_views(folder))
-    check(found, folder / "stage_depth.npz", count=11)
+    check(found, folder / "stage_depth.npz", count=12)
     check(found, folder / "stage_gaussian.npz", count=7)
     with np.load(folder / "stage_gaussian.npz") as stored:
         camera_axes = rotation_from_quaternion(jnp.asarray(np.roll(stored["quat_xyzw_cam__s2"], 1, axis=-1)))
