@@ -29,7 +29,7 @@ DISTANCES_M = (0.0, 4.0, 16.0, 64.0, 140.0, 400.0)
 class Config:
     """Rows and columns.
 
-    members: of the door that need no file, by name, and `fit` for the per-object optimisation: a row each.
+    entrants: members of the door that need no file, by name, and `fit` for the per-object optimisation: a row each.
     weights: files of `train_reconstructor`, further rows by the names of their members.
     conditions: columns. fit: of the row `fit`. perceptual: a distance of images, if any.
     seed: of the recorded scenes and the fit. assets: where stages are built. pictures: scenes of a sheet.
@@ -38,7 +38,7 @@ class Config:
 
     preset: str
     seed: int = 0
-    members: tuple[str, ...] = ("constant", "hull", "fit")
+    entrants: tuple[str, ...] = ("constant", "hull", "fit")
     weights: tuple[Path, ...] = ()
     conditions: ConditionsConfig = field(default_factory=ConditionsConfig)
     fit: GaussianFitConfig = field(default_factory=GaussianFitConfig)
@@ -73,7 +73,7 @@ def _measure(
 def main(config: Config, run: Run) -> None:
     """Print a table a condition; write results.json and sheets of pictures, targets beside renderings."""
     console, means, singles, costs = Console(), [], [], []
-    everyone = entrants(config.members, config.weights, config.fit, seed=config.seed)
+    everyone = entrants(config.entrants, config.weights, config.fit, seed=config.seed)
     with progress_bar() as bar:
         task = bar.add_task("reconstructions", total=None)
         for condition in conditions(config.conditions, config.assets, seed=config.seed):

@@ -60,7 +60,7 @@ def entrants(
             found.append(Entrant(FIT, _fitting(fit, seed), 0, None))
         elif name not in MEMBERS:
             known = ", ".join((*MEMBERS, FIT))
-            raise UserError("out-of-range", f"members: unknown name {name!r}", f"choose of {known}")
+            raise UserError("out-of-range", f"entrants: unknown name {name!r}", f"choose of {known}")
         else:
             found.append(_entrant(name, MEMBERS[name]().build()))
     for path in weights:

@@ -32,7 +32,7 @@ def test_masks_are_changed_as_they_are_called():
 def test_rows_are_members_the_fit_and_nothing_else():
     rows = entrants(("constant", "hull", "fit"), (), FIT, seed=0)
     assert [row.name for row in rows] == ["constant", "hull", "fit"] and all(row.parameters == 0 for row in rows)
-    with pytest.raises(UserError, match="members: unknown name 'hall'"):
+    with pytest.raises(UserError, match="entrants: unknown name 'hall'"):
         entrants(("hall",), (), FIT, seed=0)
     told = []
     figures, pictures = measured(rows[0], SCENES, None, lambda: told.append(1))
