@@ -17,7 +17,8 @@ import numpy as np
 
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_depth
-from aerojax.core.files import whole_file, write_json
+from aerojax.core.array_files import write_array
+from aerojax.core.files import write_json
 from aerojax.data.exports.images import place_image, place_mask, recorded_frames
 from aerojax.data.exports.sources import ExportOptions, SourceSequence, camera_names, require_no_skew
 
@@ -67,9 +68,7 @@ def _record(
     depth = read_depth(capture, camera_index, frame) if options.depth else None
     if depth is not None:
         record["depth_file_path"] = f"depth/{stem}.npy"
-        path = target / record["depth_file_path"]
-        with whole_file(path) as temporary:
-            np.save(temporary, depth * _MILLIMETRES)
+        write_array(target / record["depth_file_path"], depth * _MILLIMETRES)
     return record
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.frames import read_depth, read_mask, read_normal
+from aerojax.core.array_files import write_array
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.data.exports.annotations import Annotation, image_annotations
@@ -77,7 +78,7 @@ def write_sequence(capture: Capture, sequence: SourceSequence, folder: Path, opt
             depth = read_depth(capture, camera_index, frame) if options.depth else None
             if depth is not None:
                 kind = "distance_to_image_plane"
-                np.save(files.path(kind, kind, frame, ".npy"), np.where(depth > 0, depth, np.float32(np.inf)))
+                write_array(files.path(kind, kind, frame, ".npy"), np.where(depth > 0, depth, np.float32(np.inf)))
     return {}
 
 
@@ -124,7 +125,7 @@ def _write_boxes(seen: list[Annotation], files: _Folder, frame: int) -> None:
         hidden = -1.0 if annotation.visibility is None else 1.0 - annotation.visibility
         rows.append((classes.index(annotation.item.class_name), *corners, hidden))
     kind = "bounding_box_2d_tight"
-    np.save(files.path(kind, kind, frame, ".npy"), np.array(rows, dtype=BOX_TYPE))
+    write_array(files.path(kind, kind, frame, ".npy"), np.array(rows, dtype=BOX_TYPE))
     files.write_annotation(kind, f"{kind}_labels", frame, {str(i): {"class": name} for i, name in enumerate(classes)})
     paths = [prim_path(o.item.object_id, o.item.class_name) for o in seen]
     files.write_annotation(kind, f"{kind}_prim_paths", frame, paths)
