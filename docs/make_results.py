@@ -163,19 +163,66 @@ def confusion() -> str:
     return markdown(["truth, answer", *names, "recall"], rows)
 
 
+def _spread(figure: dict[str, float | None]) -> str:
+    """Mean and deviation over seeds, in %."""
+    mean, std = figure["mean"], figure["std"]
+    return "" if mean is None else f"{100 * mean:.1f}" + ("" if std is None else f" ± {100 * std:.1f}")
+
+
 def features() -> str:
     """Features and bridges, one column for the five protocols where they are one figure."""
     found = load("compare_classifiers_small")
-
-    def spread(figure: dict[str, float]) -> str:
-        return f"{100 * figure['mean']:.1f} ± {100 * figure['std']:.1f}"
-
     rows = []
     for row in found["rows"]:
-        protocols = {spread(figure) for figure in row["protocols"].values()}
-        cells = [spread(row[key]) for key in ("last_frame", "gain")]
+        protocols = {_spread(figure) for figure in row["protocols"].values()}
+        cells = [_spread(row[key]) for key in ("last_frame", "gain")]
         rows.append([f"`{row['classifier']}`", f"{row['parameters']:,}", " / ".join(sorted(protocols)), *cells])
     return markdown(["classifier", "parameters", "whole window, all protocols", "last frame alone", "gain"], rows)
+
+
+def _between(low: float, high: float, how: str = ".0f") -> str:
+    return f"({100 * low:{how}} to {100 * high:{how}})"
+
+
+def steps() -> str:
+    """The ablation, one network at a time."""
+    rows = []
+    for row in load("compare_classifiers_steps")["rows"]:
+        tests, gap = row["tests"], row["difference"]
+        less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {_between(gap['low'], gap['high'], '+.1f')}"
+        whole = f"{_spread(tests['all']['accuracy'])} {_between(*tests['all']['interval_95'])}"
+        clips = f"{row['training_clips']:,} of {row['training_identities']:,}"
+        against = f"`{row['against']}`" if row["against"] else ""
+        far = [_spread(tests[name]["accuracy"]) for name in ("sim1", "sim2", "random", "sim3")]
+        rows.append([f"`{row['classifier']}`", against, row["change"], clips, len(row["seeds"]), whole, less, *far])
+    head = ["row", "against", "what changes", "clips of individuals", "seeds", "all, %", "difference"]
+    return markdown([*head, "sim1", "sim2", "random", "sim3"], rows)
+
+
+def ensembles() -> str:
+    """The ablation's networks averaged over their seeds, and calibration with and without a temperature."""
+    rows = []
+    for row in load("compare_classifiers_steps")["rows"]:
+        one, several = row["tests"]["all"], row["averaged"]["tests"]
+        cells = [f"{100 * one['accuracy']['mean']:.1f}", row["averaged"]["networks"]]
+        cells += [f"{100 * several['all']['accuracy']:.1f} {_between(*several['all']['interval_95'])}"]
+        cells += [f"{100 * several['sim3']['accuracy']:.1f}"]
+        cells += [f"{one[key]['mean']:.3f}" for key in ("ece", "ece_with_temperature")]
+        cells += [f"{several['all'][key]:.3f}" for key in ("ece", "ece_with_temperature")]
+        rows.append([f"`{row['classifier']}`", *cells])
+    head = ["row", "one, %", "networks", "averaged, %", "sim3, %", "ECE of one", "with T", "ECE averaged", "with T"]
+    return markdown(head, rows)
+
+
+def rotations() -> str:
+    """Accuracy of windows under the five protocols: the shipped weights, and a pair that differs by its training."""
+    shipped, pair = load("eval_rotation_mambasplat"), load("eval_rotation_turned")
+    rows = []
+    for name, found in (("shipped", shipped), ("`frames`", pair), ("`turned`", pair["against"])):
+        tests = [found["rotations"][kind] for kind in found["protocols"].values()]
+        cells = [f"{100 * test['clip_accuracy']['mean']:.2f}" for test in tests]
+        rows.append([name, found["trained"], *cells, sum(test["answers_changed"] for test in tests)])
+    return markdown(["weights", "trained under", *shipped["protocols"], "answers changed"], rows)
 
 
 def consistency() -> str:
@@ -304,6 +351,9 @@ TABLES: dict[str, Callable[[], str]] = {
         accuracy,
         confusion,
         features,
+        steps,
+        ensembles,
+        rotations,
         consistency,
         generator,
         blender,
