@@ -23,7 +23,8 @@ from aerojax.pipeline.track_points import TrackPoint
 
 MOSAIC_WIDTH = 1920
 """Pixels that a mosaic is at most wide."""
-_OUTLINE, _BOX, _TRACK, _TEXT = (0, 200, 255), (60, 220, 60), (255, 120, 30), (255, 255, 255)  # BGR
+_OUTLINE, _BOX, _TRACK = (0, 200, 255), (60, 220, 60), (255, 120, 30)  # BGR
+_TEXT, _PLATE = (255, 255, 255), (40, 40, 40)
 _Picture = UInt8[np.ndarray, "height width 3"]
 
 
@@ -143,11 +144,14 @@ def _draw(
 
 
 def _write(picture: _Picture, text: str, corner: tuple[int, int], colour: tuple[int, int, int]) -> None:
-    """Text on a dark outline, within the picture."""
+    """Text on a dark plate, within the picture; corner: left end of its base line."""
     scale = 0.5 * max(1.0, picture.shape[1] / 960)
-    x, y = max(corner[0], 2), max(corner[1], round(24 * scale))
-    for line, width in (((0, 0, 0), 3), (colour, 1)):
-        cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, scale, line, round(width * scale * 2), cv2.LINE_AA)
+    thick = max(1, round(scale))
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, thick)
+    x = min(max(corner[0], 3), max(3, picture.shape[1] - width - 3))
+    y = min(max(corner[1], height + 3), picture.shape[0] - below - 3)
+    cv2.rectangle(picture, (x - 3, y - height - 3), (x + width + 3, y + below), _PLATE, cv2.FILLED)
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, scale, colour, thick, cv2.LINE_AA)
 
 
 def _ascii(text: str) -> str:
