@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -143,7 +144,7 @@ def mean_figures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def binned(
-    rows: Sequence[Mapping[str, float]], by: str, edges: Sequence[float], figure: str = "psnr_db"
+    rows: Sequence[Mapping[str, Any]], by: str, edges: Sequence[float], figure: str = "psnr_db"
 ) -> list[dict[str, float]]:
     """Means of a figure over scenes in bins of another one, lower edge included; bins without a scene are left out."""
     found = []
