@@ -12,6 +12,7 @@ from aerojax.core.types import Camera, pytree_dataclass
 from aerojax.geometry.cameras import pixels_of_camera_points
 from aerojax.geometry.resampling import sample_bilinear
 from aerojax.reconstruct.depthsplat.config import CELL, DepthSplatSizes
+from aerojax.reconstruct.depthsplat.layers import at_least_float32
 from aerojax.reconstruct.depthsplat.transformer import Neighbours
 
 NEAREST = 1e-3
@@ -100,7 +101,7 @@ def plane_sweep(
         compat: the mean is over all neighbours, whether they show the point or not, and it is projected with the
             reference view's K; else over those that show it, 0 where none does.
     """
-    features = features.astype(jnp.promote_types(features.dtype, jnp.float32))
+    features = at_least_float32(features)
     points = _rays(cameras, features.shape[1], features.shape[2])
     relative = _relative_poses(cameras, neighbours)
     target, others = cameras.K[neighbours.index], features[neighbours.index]

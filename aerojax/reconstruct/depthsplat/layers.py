@@ -27,6 +27,11 @@ def gelu(x: Array) -> Array:
     return jax.nn.gelu(x, approximate=False)
 
 
+def at_least_float32(x: Array) -> Array:
+    """The array in float32, or as it is where it has more digits."""
+    return x if x.dtype == jnp.float64 else x.astype(jnp.float32)
+
+
 def over_last_axis(vector: Float[Array, "width"], like: Array) -> Array:
     """The vector with as many axes in front as `like` has."""
     return vector.reshape((1,) * (like.ndim - 1) + vector.shape)
@@ -154,8 +159,8 @@ def instance_norm(x: Float[Array, "view height width channel"]) -> Float[Array, 
 
 
 def _standardised(x: Array, axes: tuple[int, ...], epsilon: float) -> Array:
-    # In float32 at least: sums over an image overflow the digits of bfloat16.
-    wide = x.astype(jnp.promote_types(x.dtype, jnp.float32))
+    # Sums over an image need more digits than bfloat16 has.
+    wide = at_least_float32(x)
     centred = wide - wide.mean(axis=axes, keepdims=True)
     variance = jnp.mean(centred * centred, axis=axes, keepdims=True)
     return (centred * jax.lax.rsqrt(variance + epsilon)).astype(x.dtype)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 from aerojax.reconstruct.depthsplat.config import DepthSplatSizes
 from aerojax.reconstruct.depthsplat.draws import Draws
 from aerojax.reconstruct.depthsplat.grids import repeat
-from aerojax.reconstruct.depthsplat.layers import Convolution, GroupNorm, gelu
+from aerojax.reconstruct.depthsplat.layers import Convolution, GroupNorm, at_least_float32, gelu
 from aerojax.reconstruct.depthsplat.transformer import HIDDEN
 
 LEVELS = 3
@@ -57,7 +57,7 @@ class JointAttention(nnx.Module):
         split = self.qkv(self.norm(x)).reshape(view * height * width, self.heads, 3, -1)
         query, key, value = split[:, :, 0], split[:, :, 1], split[:, :, 2]
         scores = jnp.einsum("thc,khc->htk", query, key) / math.sqrt(query.shape[-1])
-        scores = scores.astype(jnp.promote_types(scores.dtype, jnp.float32))
+        scores = at_least_float32(scores)
         absent = jnp.repeat(jnp.where(valid, 0.0, HIDDEN), height * width).astype(scores.dtype)
         share = jax.nn.softmax(scores + absent[None, None], axis=-1).astype(x.dtype)
         mixed = jnp.einsum("htk,khc->thc", share, value)

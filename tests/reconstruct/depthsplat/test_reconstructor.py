@@ -117,6 +117,18 @@ def test_every_parameter_learns():
     assert all("shortcut.bias" in name for name in still), still
 
 
+def test_weights_of_half_precision_place_gaussians_in_single_precision():
+    halves = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, jnp.bfloat16), small_depthsplat())
+    found = jax.eval_shape(lambda member: member.predict(views(), EVERY), halves)
+    assert {leaf.dtype for leaf in jax.tree.leaves(found)} == {jnp.dtype("float32")}
+
+
+def test_many_frames_at_once():
+    frames = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), views())
+    kept, count = jax.eval_shape(jax.vmap(lambda one: small_depthsplat()(one, EVERY)), frames)
+    assert kept.mean.shape == (2, VIEWS * SIZE * SIZE, 3) and count.shape == (2,)
+
+
 def test_filling_is_transparent_in_training():
     _, (kept, count), rendered = all_of(small_depthsplat(), views(), EVERY)
     assert 0 < int(count) < len(kept.opacity) and np.all(np.asarray(kept.opacity[count:]) > 0)
