@@ -11,8 +11,8 @@ projected area is a quarter of its surface (Cauchy 1832), so the term favours th
 masks. It is strong at first, when what bulges must go, and weak at last, when it would only make surfaces thin.
 
 Cameras on a short line see little of the depth: any thin sheet with the right outline explains their images, and the
-alpha regulariser would choose one. So along directions that the cameras hardly observe (`unobserved`), centres are held
-where they started, on the hull, and the alpha regulariser weighs less by as much.
+alpha regulariser would choose one. It weighs less there, as the least observed direction has less information than
+`WELL_OBSERVED` of the best one (`depth_observed`).
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ SPLIT_SCALE = 0.6
 """Length of a half over the whole's: two halves of 0.6 at ±0.5 have a standard deviation of 0.78 together."""
 
 WELL_OBSERVED = 0.25
-"""Information about a position along a direction, over that along the best one, from which on nothing is held: it is
-what two cameras 60 degrees apart have of the depth, sin² 30°."""
+"""Information about a position along a direction, over that along the best one, from which on it counts as known: it
+is what two cameras 60 degrees apart have of the depth, sin² 30°."""
 
 Report = Callable[[int, float], None]
 """Called with (steps done, mean loss) every few steps."""
@@ -62,7 +62,6 @@ class GaussianFitConfig:
     mask_weight: of mean |alpha - mask|.
     alpha_weight: of the alpha regulariser, at the first step.
     alpha_decay: its factor over all steps.
-    anchor_weight: of the mean squared way of the centres from their start along unobserved directions, in object radii.
     alpha_views: cameras at random places that a step renders for it.
     relocated: share of the Gaussians, the least useful ones, that is relocated after every report but the first and the
         last ones.
@@ -82,7 +81,6 @@ class GaussianFitConfig:
     mask_weight: float = 0.5
     alpha_weight: float = 0.4
     alpha_decay: float = 0.05
-    anchor_weight: float = 10.0
     alpha_views: int = static_field(default=1)
     relocated: float = 0.12
     antialias: bool = static_field(default=True)
@@ -111,9 +109,9 @@ def fit_gaussians(
         Gaussians of the same number, unit quaternions.
     """
     radius = jnp.sqrt(jnp.mean(jnp.sum((start.mean - start.mean.mean(axis=0, keepdims=True)) ** 2, axis=-1)))
-    limits = _Limits(radius, jnp.log(config.max_scale * jnp.max(start.scale)), unobserved(views.camera))
+    limits = _Limits(radius, jnp.log(config.max_scale * jnp.max(start.scale)), depth_observed(views.camera))
     parameters = _parameters_of(start)
-    state = _State(parameters, _optimiser(config).init(parameters), start.mean, jnp.zeros(len(start.mean)))
+    state = _State(parameters, _optimiser(config).init(parameters), jnp.zeros(len(start.mean)))
     for first in range(0, config.steps, config.report_every):
         part = min(config.report_every, config.steps - first)
         keys = jax.random.split(jax.random.fold_in(key, first), part)
@@ -128,21 +126,19 @@ def fit_gaussians(
 
 @pytree_dataclass
 class _Limits:
-    """The object's radius, metres; the logarithm of the largest scale; see `unobserved`."""
+    """The object's radius, metres; the logarithm of the largest scale; see `depth_observed`."""
 
     radius: Float[Array, ""]
     log_scale: Float[Array, ""]
-    unobserved: Float[Array, "3 3"]
+    depth_observed: Float[Array, ""]
 
 
 @pytree_dataclass
 class _State:
-    """Parameters, Adam's moments, where centres are held, and the sum of each centre's gradient norms since the last
-    relocation."""
+    """Parameters, Adam's moments, and the sum of each centre's gradient norms since the last relocation."""
 
     parameters: dict[str, Array]
     moments: Any
-    anchor: Float[Array, "gaussian 3"]
     gradient_norm: Float[Array, "gaussian"]
 
 
@@ -200,23 +196,16 @@ def _random_cameras(cameras: Camera, key: Key[Array, ""], count: int) -> Camera:
     return Camera(K, world_from_cam, cameras.width, cameras.height)
 
 
-def unobserved(cameras: Camera) -> Float[Array, "3 3"]:
-    """What cameras do not tell of a place near the origin: 1 along directions that none sees across, 0 along others.
+def depth_observed(cameras: Camera) -> Float[Array, ""]:
+    """How well cameras tell every direction of a place near the origin, 0..1; 1 for cameras all around.
 
-    Symmetric; its axes are those of the mean of I - d dᵀ over the viewing directions d, the information of pixels of
-    equal size at the object. A direction with less than `WELL_OBSERVED` of the best one's counts by what it lacks.
+    The mean of I - d dᵀ over the viewing directions d is the information of pixels of equal size at the object. Its
+    least eigenvalue over its greatest one, and that over `WELL_OBSERVED`, at most 1.
     """
     away = normalise(cameras.world_from_cam[:, :3, 3])
     information = jnp.eye(3) - jnp.mean(away[:, :, None] * away[:, None, :], axis=0)
-    values, axes = jnp.linalg.eigh(information)
-    lacking = jnp.maximum(1 - values / (WELL_OBSERVED * values[2]), 0.0)
-    return (axes * lacking[None]) @ axes.T
-
-
-def _anchor_loss(state: _State, parameters: dict[str, Array], limits: _Limits) -> Float[Array, ""]:
-    """Mean squared way of the centres from where they are held, along unobserved directions, in object radii."""
-    way = (parameters["mean"] - state.anchor) / limits.radius
-    return jnp.mean(jnp.sum((way @ limits.unobserved) * way, axis=-1))
+    values = jnp.linalg.eigvalsh(information)
+    return jnp.clip(values[0] / (WELL_OBSERVED * values[2]), 0.0, 1.0)
 
 
 def _loss(
@@ -256,16 +245,11 @@ def _run_steps(
     """One update a key in one compiled loop, and the mean loss; `first` steps are done."""
     optimiser = _optimiser(config)
     foreground = _premultiplied_foreground(views)
-    observed = 1 - jnp.max(jnp.linalg.eigvalsh(limits.unobserved))
-
-    def total(parameters: dict[str, Array], state: _State, weight: Array, key: Array) -> Array:
-        seen = _loss(parameters, views, foreground, weight, key, config)
-        return seen + config.anchor_weight * _anchor_loss(state, parameters, limits)
 
     def step(state: _State, x: tuple[Array, Array]) -> tuple[_State, Array]:
         key, done = x
-        weight = observed * config.alpha_weight * config.alpha_decay ** (done / config.steps)
-        loss, gradient = jax.value_and_grad(total)(state.parameters, state, weight, key)
+        weight = limits.depth_observed * config.alpha_weight * config.alpha_decay ** (done / config.steps)
+        loss, gradient = jax.value_and_grad(_loss)(state.parameters, views, foreground, weight, key, config)
         with jax.numpy_dtype_promotion("standard"):  # optax raises decays to integer powers
             update: tuple[Any, Any] = optimiser.update(gradient, state.moments, state.parameters)
         change, moments = update
@@ -274,7 +258,7 @@ def _run_steps(
         parameters: Any = optax.apply_updates(state.parameters, change)
         parameters["scale"] = jnp.minimum(parameters["scale"], limits.log_scale)
         norm = jnp.linalg.norm(gradient["mean"], axis=-1)
-        return _State(parameters, moments, state.anchor, state.gradient_norm + norm), loss
+        return _State(parameters, moments, state.gradient_norm + norm), loss
 
     state, losses = jax.lax.scan(step, state, (keys, first + jnp.arange(len(keys))))
     return state, jnp.mean(losses)
@@ -302,5 +286,4 @@ def _relocate(state: _State, count: int) -> _State:
     new["scale"] = new["scale"].at[split].add(shorter).at[relocated].add(shorter)
     # The moments of the old place say nothing of the new one.
     moments = jax.tree.map(lambda x: x.at[relocated].set(0) if jnp.shape(x)[:1] == order.shape else x, state.moments)
-    anchor = state.anchor.at[relocated].set(state.anchor[split] - offset).at[split].add(offset)
-    return _State(new, moments, anchor, jnp.zeros_like(state.gradient_norm))
+    return _State(new, moments, jnp.zeros_like(state.gradient_norm))
