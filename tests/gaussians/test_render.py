@@ -12,7 +12,7 @@ from support.splat_scenes import BACKGROUND, QUICK, make_camera, make_gaussians
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians
-from aerojax.gaussians.render import render
+from aerojax.gaussians.render import _require_shapes, render
 from kernels.splat import blend, reference
 from kernels.splat.projection import Shape, Splats
 
@@ -117,4 +117,4 @@ def test_a_wrong_shape_is_named(name, change, words):
     with pytest.raises(UserError, match=f"render: {name} has {words}"):
         render(wrong, make_camera(dtype=np.float32))
     with pytest.raises(UserError, match=r"render: background has shape \(4,\)"):
-        render(gaussians, make_camera(dtype=np.float32), background=jnp.zeros(4))
+        _require_shapes(gaussians, make_camera(dtype=np.float32), jnp.zeros(4))
