@@ -44,7 +44,7 @@ class Config:
     seed: int = 0
     frames: int = 100_000
     windows: int = 50
-    settled: int = 20
+    settled: int = 1000
     capture: Path | None = None
     assets: Path = Path("data/assets")
     sample: SampleConfig = field(default_factory=SampleConfig)
