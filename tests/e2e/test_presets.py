@@ -51,6 +51,7 @@ FEW_CONDITIONS = tuple(
 )
 ALONE = {
     "classify": (("sample.sequence.frames=2",), {}),
+    "doctor": ((), {}),
     "draw_contact_sheets": (("splits=[val]", "labels=[bird]"), {}),
     "eval_reconstructor": (("members=[constant]", "pictures=1", "repeats=1", *FEW_CONDITIONS), {}),
     "fit_gaussians": (("fit.steps=2", "fit.report_every=1"), {}),

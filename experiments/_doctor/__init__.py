@@ -1,0 +1,1 @@
+"""What a machine can do, asked of the machine itself."""
