@@ -38,6 +38,9 @@ def test_every_value_has_a_meaning_and_fits_the_screen(act):
 def test_the_source_is_read_as_python_reads_it(act):
     """Keys of the static reader are the fields of the imported dataclass, doors' default members included."""
 
+    def is_config(kind: object) -> bool:
+        return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
     def keys(config: type, prefix: str = "") -> set[str]:
         found, hints = set(), typing.get_type_hints(config)
         for one in dataclasses.fields(config):
@@ -46,8 +49,8 @@ def test_the_source_is_read_as_python_reads_it(act):
                 found.add(prefix + one.name)
                 if default not in (None, dataclasses.MISSING):
                     found |= keys(members_of(door)[default.name], f"{prefix}{one.name}.")
-            elif dataclasses.is_dataclass(kind):
-                found |= keys(kind, f"{prefix}{one.name}.")
+            elif inner := [option for option in (kind, *typing.get_args(kind)) if is_config(option)]:
+                found |= keys(inner[0], f"{prefix}{one.name}.")
             else:
                 found.add(prefix + one.name)
         return {key for key in found if key.rpartition(".")[2] != "name"}

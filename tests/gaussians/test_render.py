@@ -105,7 +105,7 @@ def test_without_a_background_it_is_black():
     [
         ("gaussians.quaternion", {"quaternion": jnp.ones((5, 3))}, r"shape \(5, 3\); it must be \(\.\.\., 5, 4\)"),
         ("gaussians.opacity", {"opacity": jnp.ones((4,))}, r"shape \(4,\); it must be \(\.\.\., 5\)"),
-        ("gaussians.sh", {"sh": jnp.ones((5, 3))}, r"it must be \(\.\.\., 5, coefficients, 3\)"),
+        ("gaussians.sh", {"sh": jnp.ones((5, 3))}, r"shape \(5, 3\); it must be \(\.\.\., 5, coefficients, 3\)"),
     ],
 )
 def test_a_wrong_shape_is_named(name, change, words):

@@ -124,8 +124,8 @@ def chromium(profile: Path, *flags: str) -> Iterator[Tab]:
     """A fresh Chromium whose profile is kept in an empty folder."""
     (their_read, write), (read, their_write) = os.pipe(), os.pipe()
     command = [str(PROGRAM), f"--user-data-dir={profile}", *_FLAGS, *flags, "about:blank"]
-    # The pipe's ends must be descriptors 3 and 4; a shell moves them there.
-    shell = ["sh", "-c", f'exec "$@" 3<&{their_read} 4>&{their_write}', "sh", *command]
+    # The pipe's ends must be descriptors 3 and 4; a shell puts them there, whatever their numbers.
+    shell = ["sh", "-c", f'exec "$@" 3</dev/fd/{their_read} 4>/dev/fd/{their_write}', "sh", *command]
     process = subprocess.Popen(
         shell, pass_fds=(their_read, their_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
