@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
 
 from aerojax.classify.base import Classifier
 from aerojax.classify.card import TrainRotation
@@ -22,6 +21,7 @@ from aerojax.evaluate.rotation_trials import Answers, RotationTrials, all_answer
 from aerojax.evaluate.rotations import protocols_of
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
+from experiments._launch.rotation_screen import show_rotations
 
 EXACT = (
     "exactly invariant: a rotation of a whole clip changes no answer and, in training, no loss beyond rounding, so "
@@ -72,28 +72,6 @@ def _ask(config: Config, classifier: Classifier) -> tuple[Windows, Answers]:
         return test, all_answers(classifier, test, val, config, show)
 
 
-def _show(console: Console, figures: dict[str, Any]) -> None:
-    table = Table("protocol", "clips", "videos", "95 %", "macro-F1", "ECE", "ECE with T")
-    for name, kind in figures["protocols"].items():
-        row = figures["rotations"][kind]
-        low, high = row["interval_95"]["video_accuracy"]
-        spread = [f"{100 * row[k]['mean']:.1f}±{100 * row[k]['std']:.1f}" for k in ("clip_accuracy", "video_accuracy")]
-        first = row["trials"][0]["clip"]
-        mended = first["ece_with_temperature"]
-        errors = f"{first['ece']:.3f}", "-" if mended is None else f"{mended:.3f}"
-        table.add_row(
-            name, *spread, f"{100 * low:.1f}…{100 * high:.1f}", f"{100 * row['video_macro_f1']['mean']:.1f}", *errors
-        )
-    console.print(table)
-    console.print("accuracy in %; interval of the videos' by resampling identities; T fitted on val")
-    recall = figures["rotations"]["none"]["trials"][0]["video"]["recall"]
-    shares = "  ".join(f"{c} {100 * r:.1f}" for c, r in zip(CLASSES, recall, strict=True) if r is not None)
-    console.print(f"video recall, unturned: {shares}")
-    curve = "  ".join(f"{row['frames']}: {100 * row['accuracy']:.1f}" for row in figures["prefix_accuracy"])
-    console.print(f"clip accuracy after n frames: {curve}")
-    console.print(f"with frames shuffled: {100 * figures['shuffled_frames']['clip']['accuracy']:.1f}")
-
-
 def _measure(config: Config, path: Path | None) -> tuple[dict[str, Any], Windows, Answers]:
     classifier = load_classifier(path)
     test, answers = _ask(config, classifier)
@@ -114,12 +92,12 @@ def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a protocol."""
     console = Console()
     figures, test, answers = _measure(config, config.model)
-    _show(console, figures)
+    show_rotations(console, figures)
     sizes = {"windows": len(test.label), "videos": len(test.one_a_video()), "identities": len(set(test.identity))}
     results: dict[str, Any] = {**figures, **sizes, "command": run.command, "classes": CLASSES, "seed": config.seed}
     if config.against is not None:
         other, other_test, other_answers = _measure(config, config.against)
-        _show(console, other)
+        show_rotations(console, other)
         results["against"] = other
         results["paired_95"] = paired_figures((answers, test), (other_answers, other_test), config)
         for kind, row in results["paired_95"].items():

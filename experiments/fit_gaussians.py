@@ -78,8 +78,8 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
         fitted = fit_gaussians(hull, matted_fitting, config=config.fit, key=key, report=report)
     results: dict[str, Any] = {"capture": capture.folder.name, "frame": config.frame, "gaussians": len(fitted.mean)}
     results |= {"fitting_views": len(fitting.mask), "held_out_views": 1, "crop_px": config.pipeline.crop_size}
-    results |= {"steps": config.fit.steps, "seconds": time.perf_counter() - began}
-    results["matte"] = "coverage" if all(c.coverage for c in capture.cameras) else "estimated"
+    matte = "coverage" if all(c.coverage for c in capture.cameras) else "estimated"
+    results |= {"steps": config.fit.steps, "seconds": time.perf_counter() - began, "matte": matte}
     directory.mkdir(parents=True, exist_ok=True)
     for name, gaussians in (("hull", hull), ("fitted", fitted)):
         for where, views in (("fitting_views", fitting), ("held_out_view", held_out)):
@@ -111,9 +111,8 @@ def main(config: Config, run: Run) -> None:
     for one in summary:
         before, after = (one[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
         console.print(f"{one['capture']}: held-out view {after:.2f} dB on the object (hull {before:.2f} dB)")
-    console.print(str(run.directory), soft_wrap=True)
-    for one in failed:
-        console.print(f"{one['capture']}: not fitted: {one['text']}", soft_wrap=True, markup=False)
+    failures = [f"{one['capture']}: not fitted: {one['text']}" for one in failed]
+    console.print("\n".join([str(run.directory), *failures]), soft_wrap=True, markup=False)
     end_batch(len(failed), len(summary), "were not fitted")
 
 

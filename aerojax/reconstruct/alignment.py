@@ -48,7 +48,7 @@ def reconstruct_aligned(
     views: View,
     valid: Bool[np.ndarray, "camera"],
     *,
-    stage: Callable[[str], AbstractContextManager[None]] = nullcontext,
+    stage: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> Reconstruction:
     """Reconstruct views as they are, and shifted if much of the silhouettes is left bare.
 
