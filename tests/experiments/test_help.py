@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
+import types
 import typing
 from pathlib import Path
 
@@ -41,6 +42,9 @@ def test_the_source_is_read_as_python_reads_it(act):
     def is_config(kind: object) -> bool:
         return isinstance(kind, type) and dataclasses.is_dataclass(kind)
 
+    def options(kind: object) -> tuple:
+        return typing.get_args(kind) if isinstance(kind, types.UnionType) else (kind,)
+
     def keys(config: type, prefix: str = "") -> set[str]:
         found, hints = set(), typing.get_type_hints(config)
         for one in dataclasses.fields(config):
@@ -49,7 +53,7 @@ def test_the_source_is_read_as_python_reads_it(act):
                 found.add(prefix + one.name)
                 if default not in (None, dataclasses.MISSING):
                     found |= keys(members_of(door)[default.name], f"{prefix}{one.name}.")
-            elif inner := [option for option in (kind, *typing.get_args(kind)) if is_config(option)]:
+            elif inner := [option for option in options(kind) if is_config(option)]:
                 found |= keys(inner[0], f"{prefix}{one.name}.")
             else:
                 found.add(prefix + one.name)
