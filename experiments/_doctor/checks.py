@@ -158,9 +158,13 @@ def _alike(a: np.ndarray, b: np.ndarray) -> bool:
     return a.shape == b.shape and float(np.abs(a.astype(int) - b).mean()) < 12
 
 
+_PROGRAMS = "jax_compilation_cache_dir"
+"""The setting that names where JAX keeps compiled programs."""
+
+
 def _caches() -> Iterator[Finding]:
     folders = {
-        "compiled programs": jax.config.jax_compilation_cache_dir,
+        "compiled programs": getattr(jax.config, _PROGRAMS),
         "compiled kernels": wp.config.kernel_cache_dir,
     }
     for what, folder in folders.items():

@@ -142,8 +142,9 @@ def door_members(config: Source) -> dict[str, Source]:
     """The classes behind a door by name; empty for a class that is none."""
     assert isinstance(config.node, ast.ClassDef)
     for node in config.node.body:
-        named = isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.target.id == "members"
-        if named and isinstance(node.value, ast.Constant):
+        if not (isinstance(node, ast.AnnAssign) and isinstance(node.value, ast.Constant)):
+            continue
+        if isinstance(node.target, ast.Name) and node.target.id == "members":
             table = definition(str(node.value.value), "MEMBERS")
             value = None if table is None else getattr(table.node, "value", None)
             if table is not None and isinstance(value, ast.Dict):

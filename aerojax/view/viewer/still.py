@@ -34,8 +34,8 @@ def still_uri(splats: Splats, radius: float, yaw_deg: float) -> str:
 
 def _gaussians(splats: Splats) -> Gaussians:
     colour = jnp.asarray((splats.rgb[:, None] - 0.5) / SH_C0, jnp.float32)
-    columns = map(jnp.asarray, (splats.mean, splats.quaternion, splats.scale, splats.opacity))
-    return Gaussians(*columns, colour)
+    mean, quaternion, scale, opacity = map(jnp.asarray, (splats.mean, splats.quaternion, splats.scale, splats.opacity))
+    return Gaussians(mean, quaternion, scale, opacity, colour)
 
 
 def _first_camera(radius: float, yaw_deg: float) -> Camera:
