@@ -44,8 +44,11 @@ class Refine:
         # The hull's outlines run where its masks are one half.
         outlined = replace(views, mask=jnp.minimum(views.mask * (0.5 / self.config.coverage), 1.0))
         valid = showing(outlined, valid)
-        start, count, _ = visual_hull(outlined, valid, config=self.config.hull)
-        real = jnp.arange(len(start.mean)) < count
+        some = jnp.any(valid)
+        # Without any view the hull's cells have no size: all views then stand in, and nothing is real.
+        start, count, _ = visual_hull(outlined, valid | ~some, config=self.config.hull)
+        count = jnp.where(some, count, 0)
+        real = jnp.arange(self.config.capacity) < count
         return refined(self.network, start, real, resized(views, self.config.image), valid, self.config), count
 
 
