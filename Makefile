@@ -5,7 +5,7 @@ PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 CLIENTS := $(VENV)/.clients
 
-.PHONY: run test test-fast check bench docs wheel venv clients format clean
+.PHONY: run test test-all test-fast check bench docs wheel venv clients format clean
 
 venv: $(STAMP)
 
@@ -28,10 +28,13 @@ run: venv
 	$(PY) -m experiments.classify
 
 test: clients
+	$(PY) -m pytest -n auto --dist loadfile -m "not long"
+
+test-all: clients
 	$(PY) -m pytest -n auto --dist loadfile
 
 test-fast: clients
-	$(PY) -m pytest -n auto --dist loadfile -m "not slow"
+	$(PY) -m pytest -n auto --dist loadfile -m "not slow and not long"
 
 check: venv
 	$(VENV)/bin/ruff format --check .

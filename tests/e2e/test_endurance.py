@@ -15,7 +15,7 @@ from experiments import measure_soak
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_killed_clips_go_on_to_the_same_bytes(tmp_path):
     command = [sys.executable, "-m", "experiments.measure_kills", "preset=smoke", f"hydra.run.dir={tmp_path}"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=900)
@@ -26,7 +26,7 @@ def test_killed_clips_go_on_to_the_same_bytes(tmp_path):
     assert act["act"] == "generate_clips" and len(act["moments"]) == 2 and act["seed"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_stream_stays_as_it_is(monkeypatch, tmp_path):
     where = (f"sample.folder={tmp_path}/samples", f"assets={tmp_path}/assets", f"hydra.run.dir={tmp_path}/run")
     run_command(measure_soak, monkeypatch, "preset=smoke", *where)

@@ -53,7 +53,7 @@ ALONE = {
     "classify": (("sample.sequence.frames=2",), {}),
     "doctor": ((), {}),
     "draw_contact_sheets": (("splits=[val]", "labels=[bird]"), {}),
-    "eval_reconstructor": (("members=[constant]", "pictures=1", "repeats=1", *FEW_CONDITIONS), {}),
+    "eval_reconstructor": (("entrants=[constant]", "pictures=1", "repeats=1", *FEW_CONDITIONS), {}),
     "fit_gaussians": (("fit.steps=2", "fit.report_every=1"), {}),
     "fuzz": (("seconds=1", "only=[obj]", "workers=1"), {}),
     "generate_clips": (("individuals=1", "clips=1", "least_frames=1", "workers=1"), {}),
@@ -75,7 +75,7 @@ ONLY_COUNTS = {"measure_kills": ("kills=2", "only=[]")}
 """Acts whose presets say how often and nothing else: what makes them one."""
 ON_DATASETS = ("describe_dataset", "reconstruct_dataset")
 SWEEPS = ("compare_classifiers",)
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def size_of(preset: str) -> tuple[int, int]:
