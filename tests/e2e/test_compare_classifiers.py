@@ -70,7 +70,7 @@ def test_a_sweep_leaves_a_table_and_goes_on_where_it_was_stopped(clips, monkeypa
     assert "another configuration (training in run.json)" in capsys.readouterr().err
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_steps_are_held_against_the_row_before(clips, monkeypatch, tmp_path, capsys):
     rows = ("rows=steps", "classifier=few_clips,more_clips", "seed=0,1")
     small = ("model.d_model=32", "model.mamba_layers=1", "model.depth=1", "variation.frames=4", "training.passes=2")

@@ -100,7 +100,7 @@ def test_a_pair_in_every_format(simulated, tmp_path, monkeypatch):
     [
         ("format=kitti", "unknown format 'kitti'"),
         ("images=move", "images"),
-        ("dataset=/nowhere", "holds no capture.json"),
+        ("dataset=/nowhere", "there is no /nowhere"),
         ("workers=0", "workers=0"),
     ],
 )

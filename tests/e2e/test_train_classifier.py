@@ -112,7 +112,7 @@ def test_a_killed_process_ends_with_the_same_bits(whole, place):
     assert tests[0] == tests[1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_devices_share_the_batch(whole, place):
     end(begin(place, "devices", flags="--xla_force_host_platform_device_count=2"))
     np.testing.assert_allclose(losses(place, "devices"), losses(place, "whole"), rtol=1e-3)

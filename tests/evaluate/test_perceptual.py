@@ -42,6 +42,7 @@ def module(name: str) -> dict[str, np.ndarray]:
     return found
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", DISTANCES)
 def test_equal_images_are_at_no_distance_and_damage_adds_to_it(tmp_path, name):
     save_file(module(name), tmp_path / "w.safetensors")

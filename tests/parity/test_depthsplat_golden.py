@@ -114,7 +114,7 @@ def test_plane_sweep_with_a_K_for_each_view(folder, weighed):
         assert np.median(error) < 1e-5 and (not weighed or error.max() < 1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gradients(folder):
     """Length of every tensor's gradient, and its part along a random direction."""
     rng = np.random.default_rng(99)

@@ -125,6 +125,7 @@ def trained(directory, *, dies_after=None):
     return train_reconstructor(TINY, task, directory=directory, report=report, watch=lambda step, figures: None), rows
 
 
+@pytest.mark.long
 def test_a_killed_training_goes_on_with_equal_bits(tmp_path):
     whole, rows = trained(tmp_path / "whole")
     with pytest.raises(InterruptedError):

@@ -9,7 +9,7 @@ from aerojax.view.templates import fill, read_template
 
 def test_fill_names_a_missing_part():
     with pytest.raises(KeyError, match="title"):
-        fill(read_template("report/page.html"), {"style": "", "script": ""})
+        fill("<title>[[title]]</title><style>[[style]]</style>", {"style": ""})
 
 
 def test_parts_are_not_filled_again():

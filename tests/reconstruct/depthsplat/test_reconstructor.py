@@ -99,7 +99,7 @@ def test_no_view_counts_and_no_mask_shows_anything():
         assert float(jnp.max(found.gaussians.opacity)) == 0.0 and np.isfinite(found.gaussians.columns()).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_every_parameter_learns():
     """But those in front of an instance norm, which takes their effect away."""
 

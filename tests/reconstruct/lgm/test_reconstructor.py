@@ -60,6 +60,7 @@ def test_the_answer_scales_with_the_scene():
     np.testing.assert_allclose(far_step.scale, 7.0 * near_step.scale, rtol=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_gradients_are_finite_without_any_view(precision):
     member = dataclasses.replace(SMALL, precision=precision).untrained(key=jax.random.key(1))

@@ -62,6 +62,7 @@ def test_untrained_is_the_hull(hull):
         np.testing.assert_allclose(got, wanted, rtol=2e-6, atol=2e-6)
 
 
+@pytest.mark.long
 def test_steps_begin_with_the_hull_and_end_with_the_answer(hull):
     member = busy()
     steps = all_steps(member, sphere_views())
@@ -158,7 +159,7 @@ def test_nothing_at_all_is_finite():
     assert bool(jnp.all(jnp.isfinite(answer(member, views, jnp.zeros(5, bool))[0].columns())))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_vmap_is_a_loop():
     member, pair = busy(), [sphere_views(), sphere_views(radius=0.3)]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *pair)
@@ -170,6 +171,7 @@ def test_vmap_is_a_loop():
         assert largest_difference(distinct_columns(alone), distinct_columns(same)) < 1e-4
 
 
+@pytest.mark.long
 def test_every_parameter_learns():
     """With last layers that are not zero, the answer depends on every number of the network, and finitely."""
 

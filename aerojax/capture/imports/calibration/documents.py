@@ -66,10 +66,11 @@ def read_text(path: Path) -> str:
         if path.stat().st_size > LARGEST:
             raise UserError("invalid", f"{path}: is larger than {LARGEST >> 20} MiB", "is this a calibration?")
         return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise UserError("missing", f"{path}: cannot be read: {error.strerror}", "correct the path") from None
     except UnicodeDecodeError:
         raise UserError("unreadable", f"{path}: is no text", "give the calibration's file or folder") from None
+    except (OSError, ValueError) as error:  # also a name that no file can have
+        name = str(path).encode("utf-8", "backslashreplace").decode()
+        raise UserError("missing", f"{name}: cannot be read: {error}", "correct the path") from None
 
 
 def brief(value: Any) -> str:
