@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from aerojax.view.templates import fill, read_template
+from aerojax.view.templates import fill
 
 
 def test_fill_names_a_missing_part():
