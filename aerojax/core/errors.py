@@ -40,6 +40,8 @@ class UserError(ValueError):
     """
 
     def __init__(self, code: Code, problem: str, remedy: str = ""):
+        # Names from damaged files may hold half letters, which no screen can write.
+        problem = problem.encode("utf-8", "backslashreplace").decode()
         super().__init__(code, problem, remedy)
         self.code: Code = code
         self.problem, self.remedy = problem, remedy

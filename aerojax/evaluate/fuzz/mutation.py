@@ -209,8 +209,9 @@ def mutate_safetensors(content: bytes, rng: np.random.Generator) -> bytes:
     try:
         tree = json.loads(head)
         entries = tree.get("__metadata__", {})
-        if entries and rng.random() < 0.6:
-            key = list(entries)[int(rng.integers(len(entries)))]
+        texts = [key for key, value in entries.items() if isinstance(value, str)] if isinstance(entries, dict) else []
+        if texts and rng.random() < 0.6:
+            key = texts[int(rng.integers(len(texts)))]
             entries[key] = mutate_json(entries[key].encode(), rng).decode("utf-8", "replace")
             head = json.dumps(tree).encode()
         else:

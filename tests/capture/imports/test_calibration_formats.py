@@ -145,6 +145,12 @@ def test_the_chain_of_kalibr(lensed, tmp_path):
     assert_same(found, lensed, moved=lensed[0].world_from_cam)
 
 
+def test_keys_of_kalibr_that_are_no_text_are_passed_over(lensed, tmp_path):
+    path = calibration_files.write_kalibr(lensed, tmp_path / "camchain.yaml")
+    path.write_text(path.read_text() + "true: 1\n7: 2\n")
+    assert len(KalibrConfig().read(path).cameras) == len(lensed)
+
+
 def test_kalibr_by_way_of_the_imu(lensed, tmp_path):
     path = calibration_files.write_kalibr(lensed, tmp_path / "camchain.yaml")
     chain = yaml.safe_load(path.read_text())

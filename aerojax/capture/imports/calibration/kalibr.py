@@ -50,7 +50,8 @@ class KalibrConfig(CalibrationConfig):
         """Cameras in the chain's order."""
         path = files_in(source, (".yaml", ".yml"))[0]
         document = mapping(read_document(path), str(path))
-        keys = sorted((key for key in document if re.fullmatch(r"cam\d+", key)), key=lambda key: int(key[3:]))
+        cameras = (key for key in document if isinstance(key, str) and re.fullmatch(r"cam\d+", key))
+        keys = sorted(cameras, key=lambda key: int(key[3:]))
         if not keys:
             raise UserError("missing", f"{path}: has no cam0", "give Kalibr's camchain")
         if self.names and len(self.names) != len(keys):

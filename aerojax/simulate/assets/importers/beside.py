@@ -12,8 +12,12 @@ def find_beside(folder: Path, name: str) -> Path | None:
     have any file copied into what is made of it. Names whose bytes are no UTF-8 are looked for in the encoding of
     Western Windows too, and in either case.
     """
+    try:
+        raw = name.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:  # half a letter: no file has that name
+        return None
     spelled = [name]
-    if name != (raw := name.encode("utf-8", "surrogateescape")).decode("utf-8", "replace"):
+    if name != raw.decode("utf-8", "replace"):
         spelled.append(raw.decode("cp1252", "replace"))
     for word in [w.strip().strip('"') for w in spelled]:
         slashed = word.replace("\\", "/")

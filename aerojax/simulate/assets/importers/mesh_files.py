@@ -37,7 +37,7 @@ def load_mesh_file(path: Path) -> ImportedScene:
         raise UserError(
             "unreadable", f"{path}: cannot be read as {kind.upper()} ({error})", "export it again"
         ) from error
-    if not len(counts):
+    if not len(corners):  # no face, or none with a corner
         raise UserError("missing", f"{path}: holds no faces", "export the model as a mesh")
     if corners.min() < 0 or corners.max() >= len(points) or not np.isfinite(points).all():
         raise UserError("invalid", f"{path}: a face names no vertex, or a vertex is not finite", "export it again")

@@ -25,7 +25,16 @@ def test_files_outside_the_folder_are_not(tmp_path):
     folder.mkdir()
     outside.touch()
     (folder / "link.bin").symlink_to(outside)
-    for name in (str(outside), "../secret.bin", "..\\secret.bin", "link.bin", "http://localhost:9/x", "x" * 300, "\0"):
+    for name in (
+        str(outside),
+        "../secret.bin",
+        "..\\secret.bin",
+        "link.bin",
+        "http://localhost:9/x",
+        "x" * 300,
+        "\0",
+        "\ud800",
+    ):
         assert find_beside(folder, name) is None
 
 

@@ -76,3 +76,12 @@ def test_damaged_meshes_are_named(tmp_path, name, data, message):
     with pytest.raises(UserError, match=message) as caught:
         import_model(tmp_path, name)
     assert str(tmp_path / name) in caught.value.problem
+
+
+def test_faces_without_corners_are_none(tmp_path):
+    path = tmp_path / "model.ply"
+    text = PLY.replace("FACES", "1").replace(" 255 0 0", "")
+    text = "".join(line for line in text.splitlines(True) if "uchar " not in line or "list" in line)
+    path.write_text(text + "0\n")
+    with pytest.raises(UserError, match="holds no faces"):
+        import_model(tmp_path, "model.ply")
