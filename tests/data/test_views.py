@@ -10,6 +10,7 @@ from aerojax.core.errors import UserError
 from aerojax.data.views import ARRAYS, TEXTS, load_views, save_views
 
 
+@pytest.mark.long
 def test_shards_are_joined_in_order_and_cut(tmp_path):
     scenes = ball_scenes(2, size=16)
     for number in (1, 0):

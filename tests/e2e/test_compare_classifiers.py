@@ -35,7 +35,7 @@ def compare(
     run_command(compare_classifiers, monkeypatch, "-m", "preset=smoke", *which, where, *data, *overrides)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_leaves_a_table_and_goes_on_where_it_was_stopped(clips, monkeypatch, tmp_path, capsys):
     compare(monkeypatch, tmp_path, clips)
     sweep = tmp_path / "sweep"

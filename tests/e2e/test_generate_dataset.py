@@ -103,6 +103,7 @@ def test_a_killed_run_goes_on_where_it_stopped(dataset):
     assert all(path.stat().st_mtime_ns == moment for path, moment in before.items())
 
 
+@pytest.mark.long
 def test_shards_make_the_same_data_set_between_them(dataset):
     other = beside(dataset, "shards", assets=True)
     first = generate(other, "shards=2", "shard=0", "workers=1")

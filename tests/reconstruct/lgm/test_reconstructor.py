@@ -51,6 +51,7 @@ def test_a_view_that_does_not_count_changes_nothing():
     np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.long
 def test_the_answer_scales_with_the_scene():
     views, valid = ball_views(3), jnp.ones(3, bool)
     pose = views.camera.world_from_cam
