@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
+from aerojax.core.config import part_of
 from aerojax.core.files import write_json
 from aerojax.pipeline.factory.config import FactoryConfig
 from aerojax.pipeline.factory.write import make_factory_clips
@@ -31,7 +32,7 @@ class Config(FactoryConfig):
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Make the clips that are missing; say how many there are and how fast it was."""
-    plain = FactoryConfig(**{item.name: getattr(config, item.name) for item in fields(FactoryConfig)})
+    plain = part_of(config, FactoryConfig)
     begin = time.perf_counter()
     with progress_bar("clips/s") as bar:
         made = make_factory_clips(plain, config.folder, workers=config.workers, progress=shown_in(bar))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from aerojax.core.config import to_mapping
+from aerojax.core.config import part_of, to_mapping
 from aerojax.core.files import write_json
 from aerojax.data.manifest import ENTRY
 from aerojax.simulate.generate import GenerationResult, Shard, generate_dataset
@@ -49,7 +49,7 @@ def main(config: Config, run: Run) -> None:
     shard = Shard(config.shard, config.shards)
     with progress_bar("/s") as bar:
         result = generate_dataset(
-            plain(config),
+            part_of(config, DatasetConfig),
             config.folder,
             workers=config.workers,
             shard=shard,
@@ -58,12 +58,6 @@ def main(config: Config, run: Run) -> None:
         )
     write_json(run.directory / "metrics.json", {**metrics, **summary(result)})
     console.print(summary_line(config.folder, result))
-
-
-def plain(config: Config) -> DatasetConfig:
-    """The part that decides the bytes, without place and workers."""
-    names = DatasetConfig.__dataclass_fields__
-    return DatasetConfig(**{name: getattr(config, name) for name in names})
 
 
 def list_work(config: Config, tasks: tuple[SequenceTask, ...], console: Console) -> None:

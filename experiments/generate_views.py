@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
 
+from aerojax.core.config import part_of
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.pipeline.factory.views import ViewsConfig
@@ -32,7 +33,7 @@ class Config(ViewsConfig):
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Make the shards that are missing; say how many scenes there are and how fast it was."""
-    plain = ViewsConfig(**{item.name: getattr(config, item.name) for item in fields(ViewsConfig)})
+    plain = part_of(config, ViewsConfig)
     begin = time.perf_counter()
     with progress_bar("objects/s") as bar:
         made = make_views(plain, config.folder, workers=config.workers, progress=shown_in(bar))

@@ -11,7 +11,7 @@ import dataclasses
 import importlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import cattrs
 import cattrs.gen
@@ -126,6 +126,12 @@ def _with_default_members(converter: cattrs.Converter, kind: Any) -> Callable[[A
         return made(value, of)
 
     return structure
+
+
+def part_of(config: Any, kind: type[_T]) -> _T:
+    """The fields of `kind`, a dataclass that the configuration extends, without what was added to them."""
+    assert isinstance(config, kind)
+    return kind(**{item.name: getattr(config, item.name) for item in dataclasses.fields(cast(Any, kind))})
 
 
 def require_at_least(config: Any, *names: str, least: int | float = 1) -> None:

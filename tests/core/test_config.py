@@ -9,7 +9,7 @@ from typing import Literal
 import pytest
 from support.toy_door import BallConfig, BoxConfig, ShapeConfig
 
-from aerojax.core.config import to_dataclass, to_mapping
+from aerojax.core.config import part_of, to_dataclass, to_mapping
 from aerojax.core.errors import UserError
 
 
@@ -115,3 +115,17 @@ def test_a_member_that_does_not_fit_names_its_key(values, message):
     with pytest.raises(UserError) as caught:
         to_dataclass(values, Box)
     assert message in str(caught.value)
+
+
+def test_the_part_of_a_configuration_leaves_out_what_was_added():
+    @dataclass(frozen=True)
+    class Base:
+        a: int = 1
+        b: tuple[int, ...] = ()
+
+    @dataclass(frozen=True)
+    class Added(Base):
+        folder: str = ""
+
+    found = part_of(Added(2, (3,), "x"), Base)
+    assert type(found) is Base and found == Base(2, (3,))
