@@ -194,7 +194,7 @@ def try_target(
     row = KillRow(seed=seed_of("kills", seed, name))
     try:
         trial = begin_trial(target, place, root, environment)
-        row.seconds = round(trial.seconds, 2)
+        row.seconds = round(trial.seconds, 3)
         kill_often(trial, row, kills, progress)
         fill_disk(trial, row)
     except (RuntimeError, TimeoutError) as error:
