@@ -123,8 +123,8 @@ def _single_figures(seeds: Sequence[Parts], seed: int, draws: int) -> dict[str, 
         rows[name] = {
             "clips": len(seeds[0][name].label),
             **{key: whole[key] for key in ("identities", "interval_95", "recall")},
-            "accuracy": _spread(each),
-            **{key: _spread([row[key] for row in errors]) for key in ("ece", "ece_with_temperature")},
+            "accuracy": over_seeds(each),
+            **{key: over_seeds([row[key] for row in errors]) for key in ("ece", "ece_with_temperature")},
         }
     return rows
 
@@ -147,7 +147,8 @@ def _difference(ours: Sequence[Parts], theirs: Sequence[Parts], seed: int, draws
     return {"accuracy": float(accuracy(first.sum(0)) - accuracy(second.sum(0))), "low": low, "high": high}
 
 
-def _spread(values: Sequence[float | None]) -> dict[str, float | None]:
+def over_seeds(values: Sequence[float | None]) -> dict[str, float | None]:
+    """Mean and standard deviation of what is known; None where there is too little for it."""
     known = [value for value in values if value is not None]
     if not known:
         return {"mean": None, "std": None}

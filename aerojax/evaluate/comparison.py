@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from aerojax.core.files import write_json, write_text
-from aerojax.evaluate.ablation import ablation_markdown, ablation_rows
+from aerojax.evaluate.ablation import ablation_markdown, ablation_rows, over_seeds
 from aerojax.evaluate.rotations import PROTOCOLS
 
 RESULT = "comparison.json"
@@ -41,16 +41,12 @@ def comparison_rows(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
                 "seeds": sorted(run["seed"] for run in group),
                 "minutes": float(np.mean([run["minutes"] for run in group])),
                 "protocols": {
-                    p.name: _spread([run["protocols"][p.name]["clip_accuracy"] for run in group]) for p in PROTOCOLS
+                    p.name: over_seeds([run["protocols"][p.name]["clip_accuracy"] for run in group]) for p in PROTOCOLS
                 },
-                **{key: _spread([run[key] for run in group]) for key in TITLES},
+                **{key: over_seeds([run[key] for run in group]) for key in TITLES},
             }
         )
     return rows
-
-
-def _spread(values: Sequence[float]) -> dict[str, float | None]:
-    return {"mean": float(np.mean(values)), "std": float(np.std(values, ddof=1)) if len(values) > 1 else None}
 
 
 def table_markdown(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -11,6 +11,7 @@ from aerojax.classify.mambasplat.bridges import InvariantBridge, invariant_count
 from aerojax.classify.mambasplat.config import MambaSplatConfig, frame_extras, uses_colour, uses_opacity, uses_shape
 from aerojax.classify.mambasplat.encoder import FEED_FORWARD_FACTOR
 from aerojax.classify.mambasplat.model import MambaSplat
+from aerojax.core import tensors
 from aerojax.core.errors import UserError
 
 
@@ -101,7 +102,7 @@ def _temporal(config: MambaSplatConfig, frames: int) -> int:
 def parameter_count(config: MambaSplatConfig) -> int:
     """Numbers that training changes."""
     shapes = jax.eval_shape(lambda key: MambaSplat(config, key=key), jax.random.key(0))
-    return sum(leaf.size for leaf in jax.tree.leaves(shapes))
+    return tensors.parameter_count(shapes)
 
 
 def unused_bridge_parameters(config: MambaSplatConfig) -> int:
@@ -110,4 +111,4 @@ def unused_bridge_parameters(config: MambaSplatConfig) -> int:
         return 0
     second, slots = dataclasses.replace(config, d_model=256), uses_opacity(config.mode) + 3 * uses_colour(config.mode)
     shapes = jax.eval_shape(lambda key: InvariantBridge(second, slots, key=key), jax.random.key(0))
-    return sum(leaf.size for leaf in jax.tree.leaves(shapes))
+    return tensors.parameter_count(shapes)

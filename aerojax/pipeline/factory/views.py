@@ -20,6 +20,7 @@ from aerojax.core.seeds import number_of
 from aerojax.core.types import CLASSES
 from aerojax.data.splits import Split
 from aerojax.geometry.cameras import points_in_camera
+from aerojax.geometry.directions import golden_spiral
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.factory.config import FactoryConfig, FaultRanges, FlightRanges, Range, RigRanges, uniform
 from aerojax.pipeline.factory.observations import ClipCrops, crop_clip, see_clip
@@ -108,11 +109,8 @@ class ViewsConfig:
 
 
 def fibonacci_directions(count: int) -> Float64[np.ndarray, "view 3"]:
-    """Unit, even on the sphere: heights in equal steps, each turned by the golden angle (González 2010)."""
-    z = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
-    flat = np.sqrt(1 - z * z)
-    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+    """Unit, even on the sphere, from the top down."""
+    return golden_spiral(1 - (2 * np.arange(count) + 1) / count)
 
 
 def objects_of(config: ViewsConfig) -> tuple[Identity, ...]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from aerojax.geometry.directions import golden_spiral
 from kernels.rays.raytrace import Lighting
 
 # Perez coefficients A..E of luminance Y and chromaticities x, y: slope in turbidity and offset (Preetham 1999, A.2).
@@ -111,9 +112,7 @@ def sky_illuminance(to_sun: Float[np.ndarray, "3"], turbidity: float) -> Float[n
     """Klux on level ground from the clear sky, linear RGB: the integral of luminance times cosine."""
     count = 600  # points of a Fibonacci hemisphere: a hundredth of the result
     height = (np.arange(count) + 0.5) / count
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
-    flat = np.sqrt(1.0 - height**2)
-    directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
+    directions = golden_spiral(height)
     return 2.0 * np.pi * (sky_luminance(directions, to_sun, turbidity) * height[:, None]).mean(axis=0)
 
 

@@ -69,8 +69,7 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError:
         raise UserError("unreadable", f"{path}: is no text", "give the calibration's file or folder") from None
     except (OSError, ValueError) as error:  # also a name that no file can have
-        name = str(path).encode("utf-8", "backslashreplace").decode()
-        raise UserError("missing", f"{name}: cannot be read: {error}", "correct the path") from None
+        raise UserError("missing", f"{path}: cannot be read: {error}", "correct the path") from None
 
 
 def brief(value: Any) -> str:
