@@ -11,11 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Float64, Int
+from scipy.spatial import KDTree
 
 from aerojax.core.images import dilate, peak_signal_to_noise, structural_similarity
 from aerojax.core.types import Camera, Gaussians, View, pytree_dataclass
 from aerojax.data.views import ViewSet
-from aerojax.evaluate.dataset_qa.motion import chamfer_distance
 from aerojax.evaluate.perceptual import Perceptual
 from aerojax.gaussians.render import render
 from aerojax.geometry.cameras import unproject_depth
@@ -133,7 +133,7 @@ def chamfer(a: Float64[np.ndarray, "point 3"], b: Float64[np.ndarray, "other 3"]
     if not len(a) or not len(b):
         return float(np.ptp(np.concatenate([a, b]), axis=0).max()) if len(a) + len(b) else 0.0
     a, b = (points[:: max(1, len(points) // MOST_POINTS)] for points in (a, b))
-    return chamfer_distance(a, b)
+    return float(np.mean([KDTree(a).query(b)[0].mean(), KDTree(b).query(a)[0].mean()]))
 
 
 def mean_figures(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
