@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import jax
 from rich.console import Console
 
 from aerojax.core.config import to_mapping
@@ -36,6 +37,8 @@ class Config:
     model: the member and its sizes. scenes: what is drawn of a scene. loss: what is learnt. perceptual: its network.
     training: its length.
     tensorboard: write curves to `curves/` of the run's directory.
+    cpu_devices: parts of the processor that a batch is divided over, where there is no other device; much of a step
+        runs on one core of each.
     distribution: the processes that train together; each needs a run directory of its own.
     """
 
@@ -50,6 +53,7 @@ class Config:
     perceptual: PerceptualConfig = field(default_factory=PerceptualConfig)
     training: TrainingConfig = field(default_factory=TrainingConfig)
     tensorboard: bool = False
+    cpu_devices: int = 1
     distribution: DistributionConfig = field(default_factory=DistributionConfig)
 
 
@@ -61,6 +65,7 @@ def _scenes(config: Config, split: str, most: int | None) -> ViewSet:
 def main(config: Config, run: Run) -> None:
     """Train; write weights with what made them, and metrics.json last. Of several processes the first one writes."""
     keep_freed_memory()
+    jax.config.update("jax_num_cpu_devices", config.cpu_devices)
     join_processes(config.distribution)
     console, begin = Console(quiet=not is_first_process()), time.perf_counter()
     if not isinstance(config.model, TrainableConfig):

@@ -87,7 +87,7 @@ def refined(
         return (now, memory), _only(gaussians_of(now), real)
 
     begin = parameters_of(start), network.initial(len(real))
-    after = jax.lax.scan(step, begin, None, length=config.updates)[1]
+    after = jax.lax.scan(step, begin, None, length=config.updates, unroll=True)[1]
     return start, *(jax.tree.map(lambda leaf, i=i: leaf[i], after) for i in range(config.updates))
 
 
