@@ -16,6 +16,12 @@ SEQUENCES = (
 )
 FACTORY = ("preset=smoke", "rigs.kinds=[sphere]", "rigs.cameras=[3,4]", "rigs.width_px=[20,40]", "workers=2")
 TRAINING = ("preset=smoke", "tests=[]", "also_test=[]", "training.epochs=4", "training.checkpoint_steps=1")
+SCENES = ("preset=smoke", "objects=8", "workers=2")
+RECONSTRUCTOR = (
+    *("preset=smoke", "reconstruct=lgm", "training.epochs=2", "training.checkpoint_steps=1"),
+    *("model.size=16", "model.down=[16,16]", "model.up=[16]"),
+    *("model.attends_down=[false,true]", "model.attends_up=[false]"),
+)
 TINY = tuple(f"model.{name}" for name in ("token_features=8", "token_invariants=8", "channels=4", "heads=2"))
 GROWING = ("*history.jsonl", "*checkpoints/*", "*events.out*")
 IGNORED = ("*checkpoints/*", "*weights.md")
@@ -24,7 +30,8 @@ FACTORY_ACT = "generate_clips"
 """The act that works on nothing."""
 ACTS = (
     *("generate_dataset", "reconstruct_dataset", FACTORY_ACT, "train_classifier classify=views"),
-    *("train_classifier classify=mambasplat", "fit_gaussians", "export_dataset", "compare_classifiers -m"),
+    *("train_classifier classify=mambasplat", "train_reconstructor", "fit_gaussians", "export_dataset"),
+    "compare_classifiers -m",
 )
 FORMATS = "[coco,yolo,mot,colmap,nerfstudio,replicator]"
 
@@ -35,7 +42,7 @@ def act(name: str, *overrides: str, out: Path) -> tuple[str, ...]:
 
 
 def make_inputs(folder: Path, environment: Mapping[str, str]) -> None:
-    """Two sequences, and clips of every split, that the other acts work on.
+    """Two sequences, clips of every split, and scenes of two, that the other acts work on.
 
     Raises:
         RuntimeError: one of the acts fails.
@@ -44,6 +51,9 @@ def make_inputs(folder: Path, environment: Mapping[str, str]) -> None:
     for split in ("train", "val", "test"):
         where = (f"folder={folder}/clips", f"split={split}")
         commands.append(act("generate_clips", *FACTORY, *where, out=folder / f"factory_{split}"))
+    for split in ("train", "val"):
+        where = (f"folder={folder}/views", f"split={split}")
+        commands.append(act("generate_views", *SCENES, *where, out=folder / f"views_{split}"))
     for command in commands:
         ended = run_command(command, folder=ROOT, environment=environment)
         if ended.code != 0:
@@ -74,6 +84,11 @@ def targets(inputs: Path) -> dict[str, KillTarget]:
         KillTarget(lambda out: act("generate_clips", *FACTORY, f"folder={out}/clips", out=out)),
         training(),
         training("classify=mambasplat", "variation.tokens=16", *TINY),
+        KillTarget(
+            lambda out: act("train_reconstructor", *RECONSTRUCTOR, f"views=[{inputs}/views]", out=out),
+            growing=GROWING,
+            ignoring=IGNORED,
+        ),
         KillTarget(
             lambda out: act("fit_gaussians", "preset=smoke", f"capture={capture}", out=out),
         ),
