@@ -30,10 +30,22 @@ def test_config_fits(name, preset):
 @pytest.mark.parametrize("preset", ["smoke", "small", "full"])
 def test_clips_hold_the_tokens_that_training_takes(preset):
     """`train_classifier preset=full` once asked for twice as many as its clips had."""
-    kept = values_of("generate_clips", f"preset={preset}")
+    kept = values_of("reconstruct_dataset" if preset == "smoke" else "generate_clips", f"preset={preset}")
     taken = values_of("train_classifier", f"preset={preset}")
     assert taken["variation"]["tokens"] <= kept["tokens"]
     assert all(folder.startswith(kept["folder"]) for folder in taken["clips"])
+
+
+def test_what_an_act_takes_in_a_preset_is_made_in_it():
+    """The chain of `make demo`: nothing but the preset, the rig and the weights is said."""
+    made = values_of("generate_dataset", "preset=smoke", "rig=random")
+    clips = values_of("reconstruct_dataset", "preset=smoke")
+    assert clips["datasets"] == [made["folder"]] and made["sequences"] == {"train": 1, "val": 1, "test": 1}
+    folders = [f"{clips['folder']}/{made['rig']['name']}"]
+    assert values_of("train_classifier", "preset=smoke")["clips"] == folders
+    assert values_of("measure_accuracy", "preset=smoke")["tests"] == folders
+    for act in ("eval_rotation", "measure_drift"):
+        assert values_of(act, "preset=smoke")["clips"] == folders
 
 
 def test_no_group_has_the_name_of_a_field():
