@@ -19,17 +19,12 @@ _STILL = 1e-5  # metres; Chamfer distances below are rounding
 _DIP = 0.3  # of the range that a lag's distance must fall below both neighbouring peaks to count as a return
 
 
-def chamfer_distance(one: Float[np.ndarray, "point 3"], other: Float[np.ndarray, "other 3"]) -> float:
-    """Mean of the two mean distances to the nearest point of the other set; the unit of the points."""
-    return _chamfer(one, KDTree(one), other, KDTree(other))
-
-
 def _chamfer(one: np.ndarray, tree: KDTree, other: np.ndarray, other_tree: KDTree) -> float:
     return float(0.5 * (tree.query(other)[0].mean() + other_tree.query(one)[0].mean()))
 
 
 def chamfer_matrix(clouds: Float[np.ndarray, "time point 3"]) -> Float[np.ndarray, "time time"]:
-    """Chamfer distance of all pairs of frames; row 0 is the distance to the first frame."""
+    """Chamfer distance of all pairs of frames, in the unit of the points; row 0 is the distance to the first frame."""
     trees = [KDTree(cloud) for cloud in clouds]
     matrix = np.zeros((len(clouds), len(clouds)))
     for i in range(len(clouds)):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from aerojax.evaluate.dataset_qa.motion import (
-    chamfer_distance,
     chamfer_matrix,
     class_motions,
     detect_period,
@@ -17,11 +16,10 @@ from aerojax.evaluate.dataset_qa.motion import (
 
 
 def test_chamfer_distance_by_hand():
-    one = np.array([[0.0, 0, 0], [1.0, 0, 0]])
-    other = np.array([[0.0, 0, 0], [0.0, 2.0, 0], [1.0, 0, 0]])
+    clouds = np.array([[[0.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]], [[0.0, 0, 0], [0.0, 2.0, 0], [1.0, 0, 0]]])
     # There 0 and 0; back 0, 2 and 0.
-    assert chamfer_distance(one, other) == pytest.approx(0.5 * (0 + 2 / 3))
-    assert chamfer_distance(one, one) == 0.0
+    wanted = 0.5 * (0 + 2 / 3)
+    assert chamfer_matrix(clouds) == pytest.approx(np.array([[0.0, wanted], [wanted, 0.0]]))
 
 
 def swinging(period: float, frames: int = 30, reach: float = 0.1) -> np.ndarray:
