@@ -1,0 +1,251 @@
+"""Several objects over time: scans of single cameras in, tracks out; births after m of n, coasting, deaths.
+
+Every sight corrects its track by itself, at its own moment, so cameras need not be synchronised. Sights that no track
+claims are looked at together once every camera has said something new (a *round*): those of different cameras whose
+rays meet begin a track, which is believed after enough rounds. All of it is a function of values and deterministic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.optimize import linear_sum_assignment
+from scipy.stats import chi2
+
+from aerojax.core.config import require_at_least
+from aerojax.core.errors import UserError
+from aerojax.track.association import NONE, AssociationConfig, Rays, associate, concatenated
+from aerojax.track.motion import MotionConfig, born, expect, predict, update
+from aerojax.track.sights import NoiseConfig, Scan, TimedCamera
+
+Status = Literal["tentative", "confirmed", "coasting", "lost"]
+
+
+@dataclass(frozen=True)
+class FollowingConfig:
+    """When sights are a track.
+
+    association, motion, noise: see there.
+    confidence: share of a track's true sights that its gate lets through.
+    confirm_hits, confirm_rounds: a new track is believed when so many of its last so many rounds hit it.
+    birth_views: cameras that must see a new track for its round to count as a hit.
+    hold_views: the same for a track that is believed; with fewer it coasts.
+    coast_s: how long a track may coast before it is lost.
+    round_s: how long a round lasts at least, so that slow cameras are heard in it; a little less than the slowest
+        camera's frame where rates differ.
+    window_s: how old a sight may be that takes part in a birth; more than one frame of the slowest camera.
+    """
+
+    association: AssociationConfig = field(default_factory=AssociationConfig)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    noise: NoiseConfig = field(default_factory=NoiseConfig)
+    confidence: float = 0.9995
+    confirm_hits: int = 3
+    confirm_rounds: int = 5
+    birth_views: int = 3
+    hold_views: int = 2
+    coast_s: float = 1.0
+    round_s: float = 0.0
+    window_s: float = 0.05
+
+    def __post_init__(self) -> None:
+        require_at_least(self, "confirm_hits", "birth_views", "hold_views")
+        require_at_least(self, "confirm_rounds", least=self.confirm_hits)
+        if not 0 < self.confidence < 1:
+            raise UserError("out-of-range", f"confidence is {self.confidence}", "give a share between 0 and 1")
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """One track.
+
+    key: of its birth, never used again. number: of the object, given when it is first believed; None before.
+    mean, covariance: of `aerojax.track.motion`'s state at the state's moment.
+    status: whether it is believed and was hit in the last round.
+    hits: of its last rounds. hit_s: moment of the last one. seen: row of the sight by camera, in this round.
+    """
+
+    key: int
+    number: int | None
+    mean: Float64[np.ndarray, "9"]
+    covariance: Float64[np.ndarray, "9 9"]
+    status: Status
+    hits: tuple[bool, ...]
+    hit_s: float
+    seen: Mapping[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class FollowingState:
+    """What is remembered from scan to scan; its size does not grow with their number.
+
+    time_s: of the last scan. began_s: of this round's first one. heard: cameras of this round.
+    unclaimed: the last scan of each camera, less the sights that a track claims. keys, numbers: given so far.
+    """
+
+    time_s: float = -np.inf
+    began_s: float = -np.inf
+    tracks: tuple[Followed, ...] = ()
+    heard: frozenset[int] = frozenset()
+    unclaimed: Mapping[int, Scan] = field(default_factory=dict)
+    keys: int = 0
+    numbers: int = 0
+
+
+def follow_scan(
+    scan: Scan, state: FollowingState, cameras: Sequence[TimedCamera], config: FollowingConfig
+) -> tuple[tuple[Followed, ...] | None, FollowingState]:
+    """Take one image's sights.
+
+    Args:
+        scan: not earlier than the state's moment.
+        state: from `FollowingState()` or the last step.
+        cameras: of the network.
+        config: see there.
+
+    Returns:
+        The tracks at the end of the round that this scan ends by beginning another one, lost ones for the last time;
+        None where the round goes on. And the next state.
+
+    Raises:
+        ValueError: the scan is earlier than the last one.
+    """
+    if scan.time_s < state.time_s:
+        raise ValueError(f"a scan of {scan.time_s} s after one of {state.time_s} s")
+    ended = None
+    if scan.camera in state.heard and scan.time_s - state.began_s >= config.round_s:
+        ended, state = end_round(state, cameras, config)
+    tracks = state.tracks
+    if tracks and scan.time_s > state.time_s:
+        means, covariances = _stacked(tracks)
+        tracks = _unstacked(tracks, *predict(means, covariances, scan.time_s - state.time_s, config.motion))
+    tracks, free = _claimed(tracks, scan, cameras[scan.camera], config)
+    unclaimed = {**state.unclaimed, scan.camera: scan.chosen(free)}
+    heard = state.heard | {scan.camera}
+    began_s = state.began_s if state.heard else scan.time_s
+    return ended, FollowingState(scan.time_s, began_s, tracks, heard, unclaimed, state.keys, state.numbers)
+
+
+def end_round(
+    state: FollowingState, cameras: Sequence[TimedCamera], config: FollowingConfig
+) -> tuple[tuple[Followed, ...], FollowingState]:
+    """Count hits, let tracks be born, believed and lost; and begin the next round.
+
+    Returns:
+        The tracks of the round with what saw them, lost ones for the last time; and the next state.
+    """
+    judged, numbers = [], state.numbers
+    for one in state.tracks:
+        one = _judged(one, state.time_s, config)
+        if one.number is None and one.status == "confirmed":
+            one, numbers = replace(one, number=numbers), numbers + 1
+        judged.append(one)
+    begun, unclaimed = _born(state, cameras, config)
+    every = (*judged, *begun)
+    kept = tuple(replace(one, seen={}) for one in every if one.status != "lost")
+    keys = state.keys + len(begun)
+    fresh = FollowingState(state.time_s, state.time_s, kept, frozenset(), unclaimed, keys, numbers)
+    return every, fresh
+
+
+def _judged(one: Followed, time_s: float, config: FollowingConfig) -> Followed:
+    """A track after its round."""
+    hit = len(one.seen) >= (config.birth_views if one.number is None else config.hold_views)
+    hits = (*one.hits, hit)[-config.confirm_rounds :]
+    hit_s = time_s if hit else one.hit_s
+    status: Status
+    if one.number is not None:
+        status = "confirmed" if hit else "coasting"
+        if time_s - hit_s > config.coast_s:
+            status = "lost"
+    elif sum(hits) >= config.confirm_hits:
+        status = "confirmed"
+    else:
+        # Lost as soon as the rounds that are left cannot confirm it.
+        misses = len(hits) - sum(hits)
+        status = "lost" if misses > config.confirm_rounds - config.confirm_hits else "tentative"
+    return replace(one, status=status, hits=hits, hit_s=hit_s)
+
+
+def _claimed(
+    tracks: tuple[Followed, ...], scan: Scan, camera: TimedCamera, config: FollowingConfig
+) -> tuple[tuple[Followed, ...], np.ndarray]:
+    """Tracks corrected by the sights that they claim, and which sights are left; believed tracks choose first."""
+    free = np.ones(len(scan.times), bool)
+    corrected = list(tracks)
+    for believed in (True, False):
+        group = [i for i, one in enumerate(tracks) if (one.number is not None) == believed]
+        rows = np.flatnonzero(free)
+        if not group or len(rows) == 0:
+            continue
+        means, covariances = _stacked([tracks[i] for i in group])
+        expected = expect(means, covariances, scan.chosen(rows), camera, config.noise)
+        own, sights = _assigned(expected.distance, expected.log_spread, config.confidence)
+        if len(own) == 0:
+            continue
+        moved, spread = update(means, covariances, expected, own, sights)
+        for number, (place, sight) in enumerate(zip(own, sights, strict=True)):
+            before = tracks[group[place]]
+            seen = {**before.seen, scan.camera: int(scan.rows[rows[sight]])}
+            corrected[group[place]] = replace(before, mean=moved[number], covariance=spread[number], seen=seen)
+        free[rows[sights]] = False
+    return tuple(corrected), free
+
+
+def _assigned(
+    distance: Float64[np.ndarray, "track sight"], log_spread: Float64[np.ndarray, "track sight"], confidence: float
+) -> tuple[Int64[np.ndarray, "pair"], Int64[np.ndarray, "pair"]]:
+    """Pairs of track and sight of the greatest likelihood in total, within the gate (Hungarian algorithm).
+
+    The cost is -2 log of the normal density, so a track that is known well is preferred to one that could be anywhere;
+    to miss a track costs as much as the worst sight in its gate.
+    """
+    gate = float(chi2.ppf(confidence, 2))
+    inside = distance < gate
+    miss = gate + float(log_spread[inside].max(initial=-np.inf)) if inside.any() else 0.0
+    tracks, sights = linear_sum_assignment(np.where(inside, np.where(inside, distance, 0.0) + log_spread, miss))
+    kept = inside[tracks, sights]
+    return tracks[kept], sights[kept]
+
+
+def _born(
+    state: FollowingState, cameras: Sequence[TimedCamera], config: FollowingConfig
+) -> tuple[list[Followed], dict[int, Scan]]:
+    """New tracks of what no track claims, and what remains of that."""
+    recent = {c: s for c, s in state.unclaimed.items() if s.time_s >= state.time_s - config.window_s and len(s.times)}
+    if len(recent) < config.association.min_views:
+        return [], recent
+    scans = [recent[camera] for camera in sorted(recent)]
+    rays = concatenated(
+        [Rays(np.full(len(s.times), s.camera), s.times - state.time_s, s.pixels, s.variance) for s in scans]
+    )
+    rows = np.concatenate([s.rows for s in scans])
+    found = associate(rays, cameras, config.association, config.noise)
+    order = np.lexsort(found.sights.T)  # keys do not depend on how the solver lists its solution
+    begun, used = [], np.zeros(len(rows), bool)
+    for key, index in enumerate(order):
+        sights = {c: int(row) for c, row in enumerate(found.sights[index]) if row != NONE}
+        used[list(sights.values())] = True
+        mean, covariance = born(found.state[index], found.covariance[index], config.motion)
+        seen = {c: int(rows[row]) for c, row in sights.items()}
+        begun.append(Followed(state.keys + key, None, mean, covariance, "tentative", (True,), state.time_s, seen))
+    ends = np.cumsum([len(s.times) for s in scans])[:-1]
+    left = {s.camera: s.chosen(~own) for s, own in zip(scans, np.split(used, ends), strict=True)}
+    return begun, left
+
+
+def _stacked(tracks: Sequence[Followed]) -> tuple[Float64[np.ndarray, "track 9"], Float64[np.ndarray, "track 9 9"]]:
+    return np.stack([one.mean for one in tracks]), np.stack([one.covariance for one in tracks])
+
+
+def _unstacked(
+    tracks: Iterable[Followed], means: Float64[np.ndarray, "track 9"], covariances: Float64[np.ndarray, "track 9 9"]
+) -> tuple[Followed, ...]:
+    return tuple(
+        replace(one, mean=mean, covariance=covariance)
+        for one, mean, covariance in zip(tracks, means, covariances, strict=True)
+    )
