@@ -12,6 +12,7 @@ import os
 import resource
 import shutil
 import sys
+import tempfile
 import time
 import traceback
 from collections import Counter
@@ -24,6 +25,7 @@ import jax
 import numpy as np
 
 from aerojax.core.errors import UserError
+from aerojax.core.usd_copies import PREFIX, is_flattening
 from aerojax.evaluate.fuzz.mutation import mutate_file
 
 Files = Mapping[str, bytes]
@@ -41,6 +43,7 @@ FORBIDDEN = (
     *("os.mkdir", "os.remove", "os.rename", "os.rmdir", "os.symlink", "os.link", "os.truncate", "shutil.rmtree"),
 )
 """What Python reports to audit hooks that no reader of data may do."""
+_COPIES = str(Path(tempfile.gettempdir()) / PREFIX)
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 
 
@@ -149,6 +152,15 @@ def _last_lines() -> str:
     return "\n".join([text.replace("\n", " "), *lines[-6:]])
 
 
+def _copies_usd(event: str, arguments: tuple[object, ...]) -> bool:
+    """Whether this is part of `usd_copy`: it starts that one program, and has a temporary file of its own."""
+    if event == "subprocess.Popen":
+        command = arguments[1]
+        return isinstance(command, list | tuple) and is_flattening(command)
+    path = str(arguments[0])
+    return path == os.devnull or (event in ("open", "os.remove") and path.startswith(_COPIES))
+
+
 class _Watch:
     """Notes forbidden events while it is open; audit hooks cannot be taken off, so there is one a process."""
 
@@ -160,7 +172,7 @@ class _Watch:
         if not self.open:
             return
         writes = event == "open" and isinstance(arguments[2], int) and bool(arguments[2] & _WRITING)
-        if writes or event in FORBIDDEN:
+        if (writes or event in FORBIDDEN) and not _copies_usd(event, arguments):
             self.seen.append(f"{event} {arguments[0]!r}"[:200])
 
     def __enter__(self) -> list[str]:

@@ -18,6 +18,7 @@ from pxr import Tf, Usd, UsdGeom, UsdVol
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians
+from aerojax.core.usd_copies import usd_copy
 from aerojax.gaussians.io.placement import place, refuse_far
 from aerojax.gaussians.sh import COEFFICIENTS
 
@@ -85,8 +86,24 @@ def read_placed_usd(path: Path | str, *, prim: str | None = None) -> tuple[list[
 
 
 def _placed(path: Path | str, prim: str | None) -> tuple[list[Gaussians], Float64[np.ndarray, "3"]]:
-    stage = _opened(path)
-    splats = _prim(stage, path, prim)
+    if not Path(path).is_file():
+        raise UserError("missing", f"{path}: no such file", "correct the path")
+    with usd_copy(Path(path)) as copy:
+        if copy.broken:
+            first = copy.broken[0][1].strip().splitlines()[0]
+            raise UserError(
+                "missing",
+                f"{path}: {len(copy.broken)} of the layers, references or payloads that it names cannot be composed: "
+                f"{first}",
+                "put the files where it names them, or flatten it",
+            )
+        stage = Usd.Stage.Open(str(copy.path))
+        return _placed_prim(stage, _prim(stage, path, prim), path)
+
+
+def _placed_prim(
+    stage: Usd.Stage, splats: Usd.Prim, path: Path | str
+) -> tuple[list[Gaussians], Float64[np.ndarray, "3"]]:
     source = f"{path}: prim {splats.GetPath()}"
     times = [Usd.TimeCode(t) for t in _samples(splats)] or [Usd.TimeCode.Default()]
     frames, origin = [], None
@@ -102,23 +119,6 @@ def _placed(path: Path | str, prim: str | None) -> tuple[list[Gaussians], Float6
         frames.append(dataclasses.replace(placed, mean=placed.mean + jnp.asarray(here - origin, jnp.float32)[None]))
     assert origin is not None  # there is at least the default time
     return frames, origin
-
-
-def _opened(path: Path | str) -> Usd.Stage:
-    if not Path(path).is_file():
-        raise UserError("missing", f"{path}: no such file", "correct the path")
-    try:
-        stage = Usd.Stage.Open(str(path))
-    except Tf.ErrorException:
-        raise UserError("unreadable", f"{path}: not a readable USD file", "export it again") from None
-    if errors := stage.GetCompositionErrors():
-        first = str(errors[0]).strip().splitlines()[0]
-        raise UserError(
-            "missing",
-            f"{path}: {len(errors)} of the layers, references or payloads that it names cannot be composed: {first}",
-            "put the files where it names them, or flatten it",
-        )
-    return stage
 
 
 def _prim(stage: Usd.Stage, path: Path | str, wanted: str | None) -> Usd.Prim:

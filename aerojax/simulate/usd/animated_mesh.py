@@ -117,7 +117,7 @@ def load_animated_mesh(path: Path, called: str = "") -> AnimatedMesh:
     stage = open_complete(path)
     textures = TextureCache()
     with usd_refusals(called):
-        first, last = time_span(stage)
+        first, last = time_span(stage, called)
         joints = joint_evaluators(stage, body_from_stage(stage))
     with usd_refusals(called), _naming(called):
         parts = _parts(stage, first)

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from pxr import Gf, Pcp, Tf, Usd, UsdGeom
 
 from aerojax.core.errors import UserError
+from aerojax.core.usd_copies import usd_copy
 
 INSTANCES_TOO = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 """Prims that are drawn where they stand, those of native instances among them."""
-_BROKEN_ARCS = (
-    Pcp.ErrorInvalidAssetPath,
-    Pcp.ErrorInvalidSublayerPath,
-    Pcp.ErrorUnresolvedPrimPath,
-    Pcp.ErrorInvalidPrimPath,
-    Pcp.ErrorArcCycle,
-    Pcp.ErrorSublayerCycle,
-)
+_BROKEN_ARCS = {
+    kind.__name__
+    for kind in (
+        Pcp.ErrorInvalidAssetPath,
+        Pcp.ErrorInvalidSublayerPath,
+        Pcp.ErrorUnresolvedPrimPath,
+        Pcp.ErrorInvalidPrimPath,
+        Pcp.ErrorArcCycle,
+        Pcp.ErrorSublayerCycle,
+    )
+}
 
 
 @contextmanager
@@ -44,7 +48,7 @@ def usd_refusals(file: str) -> Iterator[None]:
 
 
 def open_complete(path: Path) -> Usd.Stage:
-    """Open a USD file with all that it refers to.
+    """Open a USD file of our own making with all that it refers to; others are for `foreign_stage`.
 
     USD itself composes what it finds and leaves out the rest; a model without its wing would pass for a model.
 
@@ -52,22 +56,49 @@ def open_complete(path: Path) -> Usd.Stage:
         UserError: the file does not exist or is not readable; a sublayer, reference or payload leads nowhere; its unit
             or its axes are none that USD has.
     """
-    if not path.is_file():
-        raise UserError("missing", f"asset {path} does not exist", "check the path or build the assets first")
+    _refuse_missing(path)
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
         raise UserError("unreadable", f"asset {path} is not a readable USD file", "export it again") from error
-    for error in stage.GetCompositionErrors():
-        if isinstance(error, _BROKEN_ARCS):
+    _refuse_broken([(type(error).__name__, str(error)) for error in stage.GetCompositionErrors()], path)
+    _refuse_unknown_frame(stage, path)
+    return stage
+
+
+@contextmanager
+def foreign_stage(path: Path) -> Iterator[Usd.Stage]:
+    """Open a USD file from elsewhere: a flattened copy of it, which lasts as long as the block (see `usd_copy`).
+
+    Raises:
+        UserError: as `open_complete`; or the file is damaged so that USD cannot read it, or not in time.
+    """
+    _refuse_missing(path)
+    with usd_copy(path) as copy:
+        _refuse_broken(copy.broken, path)
+        stage = Usd.Stage.Open(str(copy.path))
+        _refuse_unknown_frame(stage, path)
+        yield stage
+
+
+def _refuse_missing(path: Path) -> None:
+    if not path.is_file():
+        raise UserError("missing", f"asset {path} does not exist", "check the path or build the assets first")
+
+
+def _refuse_broken(errors: Iterable[tuple[str, str]], path: Path) -> None:
+    for kind, words in errors:
+        if kind in _BROKEN_ARCS:
             remedy = "put the file where the stage looks for it, or take that sublayer, reference or payload out"
-            raise UserError("missing", f"{path}: {str(error).rstrip('.')}", remedy)
+            raise UserError("missing", f"{path}: {words.rstrip('.')}", remedy)
+
+
+def _refuse_unknown_frame(stage: Usd.Stage, path: Path) -> None:
     metres, up = UsdGeom.GetStageMetersPerUnit(stage), UsdGeom.GetStageUpAxis(stage)
     if not 0 < metres < math.inf:
         raise UserError("invalid", f"{path}: metersPerUnit is {metres}", "set it to the metres of one unit")
     if up not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
         raise UserError("invalid", f"{path}: upAxis is {up}", "USD has Y and Z; set either")
-    return stage
 
 
 def body_from_stage(stage: Usd.Stage) -> Gf.Matrix4d:
@@ -78,8 +109,12 @@ def body_from_stage(stage: Usd.Stage) -> Gf.Matrix4d:
     return matrix
 
 
-def time_span(stage: Usd.Stage) -> tuple[float, float]:
+def time_span(stage: Usd.Stage, called: str) -> tuple[float, float]:
     """First and last time code: what the stage says, else those of its samples; both 0 where nothing is sampled.
+
+    Args:
+        stage: any.
+        called: what messages call it.
 
     Raises:
         UserError: the stage's range or rate is not finite, or the rate not positive.
@@ -87,9 +122,7 @@ def time_span(stage: Usd.Stage) -> tuple[float, float]:
     layer, rate = stage.GetRootLayer(), stage.GetTimeCodesPerSecond()
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     if not 0 < rate < math.inf:
-        raise UserError(
-            "invalid", f"{layer.realPath}: timeCodesPerSecond is {rate}", "set it to the time codes of one second"
-        )
+        raise UserError("invalid", f"{called}: timeCodesPerSecond is {rate}", "set it to the time codes of one second")
     if not stage.HasAuthoredTimeCodeRange():
         times = [
             t
@@ -101,6 +134,6 @@ def time_span(stage: Usd.Stage) -> tuple[float, float]:
         last = last if layer.HasEndTimeCode() else max(times, default=first)
     if not math.isfinite(last - first):
         raise UserError(
-            "invalid", f"{layer.realPath}: startTimeCode is {first}, endTimeCode {last}", "set both to real time codes"
+            "invalid", f"{called}: startTimeCode is {first}, endTimeCode {last}", "set both to real time codes"
         )
     return first, max(first, last)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -194,3 +196,18 @@ def test_files_of_reported_bugs(shared):
     np.testing.assert_allclose(found.opacity, [0.5] * 4)
     with pytest.raises(UserError, match=r"empty\.usda: prim /G: neither positions nor positionsh has a value"):
         read_usd(folder / "empty.usda")
+
+
+def test_damage_that_crashes_usd_is_refused(tmp_path):
+    """The first byte after the head of a crate file; USD 26.11 reads where nothing is and ends by a signal."""
+    path = tmp_path / "a.usdc"
+    write_usd(path, [make_gaussians(0, 5, 9, np.float32)])
+    content = bytearray(path.read_bytes())
+    content[88] ^= 0x81
+    path.write_bytes(content)
+    plain = f"from pxr import Usd; Usd.Stage.Open({str(path)!r})"
+    if subprocess.run([sys.executable, "-c", plain], stderr=subprocess.DEVNULL).returncode >= 0:
+        pytest.skip("this USD library is not ended by it")
+    with pytest.raises(UserError, match=r"a\.usdc: is damaged: reading it crashes the USD library") as refused:
+        read_usd(path)
+    assert refused.value.code == "unreadable"

@@ -11,7 +11,7 @@ from aerojax.core.errors import UserError
 from aerojax.simulate.assets.importers.textures import decode_image
 from aerojax.simulate.assets.paint.texture_file import write_texture
 from aerojax.simulate.usd.authoring import TIME_CODES_PER_SECOND
-from aerojax.simulate.usd.opening import open_complete, time_span
+from aerojax.simulate.usd.opening import foreign_stage, time_span
 
 
 @dataclass(frozen=True)
@@ -35,22 +35,18 @@ def open_source(path: Path, animation: int | str | None, speed: float) -> Source
         raise UserError(
             "invalid", f"{path}: animation is {animation!r}, but a USD stage has one timeline", "use 0 or none"
         )
-    source = open_complete(path)
-    rate, (start, end) = source.GetTimeCodesPerSecond(), time_span(source)
-    seconds = (end - start) / rate / speed
-    stage = Usd.Stage.CreateInMemory()
-    stage.SetTimeCodesPerSecond(TIME_CODES_PER_SECOND)
-    stage.GetRootLayer().subLayerPaths.append(str(path))
-    # USD itself scales a sublayer's time by the ratio of the two rates; the offset acts after that.
-    offset = Sdf.LayerOffset(-start * TIME_CODES_PER_SECOND / rate / speed, 1.0 / speed)
-    stage.GetRootLayer().subLayerOffsets[0] = offset
-    while instances := [prim for prim in stage.TraverseAll() if prim.IsInstance()]:
-        for prim in instances:
-            prim.SetInstanceable(False)
-    still = animation is None or seconds == 0.0
-    return SourceStage(
-        path, stage.Flatten(False), str(UsdGeom.GetStageUpAxis(source)), 0.0 if still else seconds, still
-    )
+    with foreign_stage(path) as source:
+        rate, (start, end) = source.GetTimeCodesPerSecond(), time_span(source, str(path))
+        seconds = (end - start) / rate / speed
+        stage = Usd.Stage.CreateInMemory()
+        stage.SetTimeCodesPerSecond(TIME_CODES_PER_SECOND)
+        stage.GetRootLayer().subLayerPaths.append(source.GetRootLayer().identifier)
+        # USD itself scales a sublayer's time by the ratio of the two rates; the offset acts after that.
+        offset = Sdf.LayerOffset(-start * TIME_CODES_PER_SECOND / rate / speed, 1.0 / speed)
+        stage.GetRootLayer().subLayerOffsets[0] = offset
+        still = animation is None or seconds == 0.0
+        up = str(UsdGeom.GetStageUpAxis(source))
+        return SourceStage(path, stage.Flatten(False), up, 0.0 if still else seconds, still)
 
 
 def copy_source(stage: Usd.Stage, model: Sdf.Path, source: SourceStage, target: Path) -> None:
