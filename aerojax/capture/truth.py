@@ -13,10 +13,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from aerojax.core.types import Box
+from aerojax.geometry.boxes_3d import AlignedBox, OrientedBox
 from aerojax.geometry.rotations import quaternion_from_rotation, quaternion_multiply
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Pixel = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,10 @@ class ObjectState:
     projected_box: by camera name, x0 y0 x1 y1 of the projected vertices, not clipped to the image.
     surface_centroid: by camera name, mean of the visible surface points weighted by coverage, metres, world frame.
     joints: by name, the skeleton's pose.
+    oriented_box: around the whole surface along the body's axes (those of `orientation_wxyz`), or None.
+    aligned_box: around the same along the world's axes, or None.
+    projected_corners: by camera name, the eight corners of `oriented_box` in pixels, not clipped to the image, in the
+        order of `geometry.boxes_3d.CORNER_SIGNS`; a camera with any of them behind it is absent.
     """
 
     frame: int
@@ -55,11 +61,17 @@ class ObjectState:
     projected_box: Mapping[str, Box] = field(default_factory=dict)
     surface_centroid: Mapping[str, Point] = field(default_factory=dict)
     joints: Mapping[str, JointPose] = field(default_factory=dict)
+    oriented_box: OrientedBox | None = None
+    aligned_box: AlignedBox | None = None
+    projected_corners: Mapping[str, tuple[Pixel, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class TrackedObject:
-    """One object of the truth; `object_id` is its value in the masks, `frames` are sorted and complete."""
+    """One object of the truth; `object_id` is its value in the masks, `frames` are sorted and complete.
+
+    gaussians: pattern of PLY files of Gaussians on its surface, world frame, relative to the capture's folder, or None.
+    """
 
     object_id: int
     class_name: str
@@ -67,6 +79,7 @@ class TrackedObject:
     frames: tuple[ObjectState, ...]
     source: str | None = None
     licence: str | None = None
+    gaussians: str | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +100,7 @@ def truth_from_json(raw: dict[str, Any]) -> Truth:
                 frames=tuple(sorted(map(_state_from_json, item["frames"]), key=lambda state: state.frame)),
                 source=item.get("source"),
                 licence=item.get("licence"),
+                gaussians=item.get("gaussians"),
             )
             for item in raw["objects"]
         )
@@ -109,7 +123,21 @@ def _state_from_json(raw: dict[str, Any]) -> ObjectState:
             name: JointPose(_point(joint["position"]), _four(joint["orientation_wxyz"]))
             for name, joint in raw.get("joints", {}).items()
         },
+        **_boxes_3d(raw),
     )
+
+
+def _boxes_3d(raw: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a state that concern boxes in space."""
+    oriented, aligned = raw.get("oriented_box"), raw.get("aligned_box")
+    return {
+        "oriented_box": oriented and OrientedBox(_point(oriented["centre"]), _point(oriented["size"])),
+        "aligned_box": aligned and AlignedBox(_point(aligned["low"]), _point(aligned["high"])),
+        "projected_corners": {
+            camera: tuple((float(u), float(v)) for u, v in corners)
+            for camera, corners in raw.get("projected_corners", {}).items()
+        },
+    }
 
 
 def _point(values: list[Any]) -> Point:
@@ -126,7 +154,10 @@ def _four_each(values: dict[str, list[Any]]) -> dict[str, Box]:
     return {camera: _four(box) for camera, box in values.items()}
 
 
-_OPTIONAL = ("truncated", "visibility", "visible_box", "projected_box", "surface_centroid", "joints")
+_OPTIONAL = (
+    *("truncated", "visibility", "visible_box", "projected_box", "surface_centroid", "joints"),
+    *("oriented_box", "aligned_box", "projected_corners"),
+)
 
 
 def truth_to_json(truth: Truth) -> dict[str, Any]:
@@ -135,7 +166,7 @@ def truth_to_json(truth: Truth) -> dict[str, Any]:
 
 
 def _object_to_json(item: TrackedObject) -> dict[str, Any]:
-    optional = {"source": item.source, "licence": item.licence}
+    optional = {"source": item.source, "licence": item.licence, "gaussians": item.gaussians}
     return {
         "id": item.object_id,
         "class": item.class_name,
@@ -151,8 +182,17 @@ def _state_to_json(state: ObjectState) -> dict[str, Any]:
 
 
 def rotate_truth(truth: Truth, rotation: Float64[np.ndarray, "3 3"]) -> Truth:
-    """The same truth in a turned world, x' = R x; what is measured in pixels stays."""
-    return Truth(tuple(dataclasses.replace(o, frames=_rotate_states(o.frames, rotation)) for o in truth.objects))
+    """The same truth in a turned world, x' = R x; what is measured in pixels stays.
+
+    Boxes along the world's axes are left out, for the truth does not say which is the smallest there, and files of
+    Gaussians, which are in the world as it was.
+    """
+    return Truth(
+        tuple(
+            dataclasses.replace(item, frames=_rotate_states(item.frames, rotation), gaussians=None)
+            for item in truth.objects
+        )
+    )
 
 
 def _rotate_states(states: tuple[ObjectState, ...], rotation: Float64[np.ndarray, "3 3"]) -> tuple[ObjectState, ...]:
@@ -163,6 +203,7 @@ def _rotate_states(states: tuple[ObjectState, ...], rotation: Float64[np.ndarray
     skeleton = [JointPose(next(positions), next(turned)) for _ in joints]
     centroids = iter(_rotate_points([p for state in states for p in state.surface_centroid.values()], rotation))
     following = iter(skeleton)
+    boxes = iter(_rotate_points([s.oriented_box.centre for s in states if s.oriented_box is not None], rotation))
     return tuple(
         dataclasses.replace(
             state,
@@ -170,6 +211,8 @@ def _rotate_states(states: tuple[ObjectState, ...], rotation: Float64[np.ndarray
             orientation_wxyz=quaternion,
             joints={name: next(following) for name in state.joints},
             surface_centroid={camera: next(centroids) for camera in state.surface_centroid},
+            oriented_box=state.oriented_box and OrientedBox(next(boxes), state.oriented_box.size),
+            aligned_box=None,
         )
         for state, (position, quaternion) in zip(states, bodies, strict=True)
     )

@@ -18,6 +18,7 @@ from aerojax.capture.lenses import distort_points
 from aerojax.capture.validate.examination import problems
 from aerojax.capture.write import FrameExtras, write_frame
 from aerojax.core.errors import UserError
+from aerojax.geometry.boxes_3d import AlignedBox, OrientedBox
 
 PATTERNS = {
     "coverage": "{name}/coverage/{{frame:06d}}.png",
@@ -29,6 +30,9 @@ SEEN = {
     "visibility": {"cam_01": 0.75, "cam_02": 1.0},
     "projected_box": {"cam_01": (7.5, 5.25, 24.0, 18.5), "cam_02": (-3.0, 2.0, 40.0, 30.0)},
     "surface_centroid": {"cam_01": (0.1, -0.2, 0.3)},
+    "projected_corners": {"cam_02": tuple((0.5 * k, 40.0 - k) for k in range(8))},
+    "oriented_box": OrientedBox((1.0, 2.0, 3.0), (0.4, 0.5, 0.6)),
+    "aligned_box": AlignedBox((0.5, 1.5, 2.5), (1.5, 2.5, 3.5)),
 }
 JOINTS = {
     "wing": JointPose((0.1, 0.2, 0.3), (0.6, 0.0, 0.8, 0.0)),
@@ -106,6 +110,9 @@ def test_a_turned_world_turns_centroids_and_joints(capture):
     w, x, y, z = state.joints["wing"].orientation_wxyz
     expected = (turn * Rotation.from_quat([0.0, 0.8, 0.0, 0.6])).as_matrix()
     np.testing.assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), expected, atol=1e-12)
+    np.testing.assert_allclose(state.oriented_box.centre, turn.apply([1.0, 2.0, 3.0]), atol=1e-12)
+    assert state.oriented_box.size == (0.4, 0.5, 0.6) and state.aligned_box is None
+    assert state.projected_corners == SEEN["projected_corners"]
     assert state.projected_box == SEEN["projected_box"] and state.visibility == SEEN["visibility"]
     assert all(camera.normal is None and camera.flow is not None for camera in turned.cameras)
 
@@ -142,6 +149,20 @@ FAULTS = {
     "visibility list": (_truth_fault("visibility", [1]), "frames[1].visibility: must be an object"),
     "projected box": (_truth_fault("projected_box", {"cam_01": [5, 0, 5, 9]}), "projected_box.cam_01: [5.0, 0.0, 5"),
     "centroid": (_truth_fault("surface_centroid", {"cam_01": [0, 1]}), "surface_centroid.cam_01: must be a list of 3"),
+    "corners": (_truth_fault("projected_corners", {"cam_01": [[1, 2]]}), "projected_corners.cam_01: has 1 corners"),
+    "corner": (
+        _truth_fault("projected_corners", {"cam_01": [[1], *[[1, 2]] * 7]}),
+        "projected_corners.cam_01[0]: must be a list",
+    ),
+    "oriented box": (_truth_fault("oriented_box", {"centre": [0, 0, 0]}), "frames[1].oriented_box.size: is missing"),
+    "box size": (
+        _truth_fault("oriented_box", {"centre": [0, 0, 0], "size": [1, -1, 1]}),
+        "frames[1].oriented_box: size [1.0, -1.0, 1.0] is too small",
+    ),
+    "box ends": (
+        _truth_fault("aligned_box", {"low": [0, 0, 2], "high": [1, 1, 1]}),
+        "frames[1].aligned_box: high [1.0, 1.0, 1.0] is too small",
+    ),
     "joints": (_truth_fault("joints", []), "frames[1].joints: must be an object"),
     "joint key": (_truth_fault("joints", {"a": {"position": [0, 0, 0]}}), "joints.a.orientation_wxyz: is missing"),
     "joint turn": (

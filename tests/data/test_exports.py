@@ -22,7 +22,10 @@ from aerojax.data.exports.replicator import camera_parameters
 from aerojax.data.exports.run_length import encode_mask
 from aerojax.data.exports.sources import ExportOptions, find_sequences, stable_id
 
-BY_CAMERA = ("bbox", "visible", "truncated", "visibility", "visible_box", "projected_box", "surface_centroid")
+BY_CAMERA = (
+    *("bbox", "visible", "truncated", "visibility", "visible_box", "projected_box", "surface_centroid"),
+    "projected_corners",
+)
 SEEN = 16  # of 2 balls in 3 frames by 3 cameras, one ball is out of two views in the last frame
 
 

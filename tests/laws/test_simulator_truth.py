@@ -72,6 +72,22 @@ def test_truth_is_the_flight_of_the_stage(flown, assets):
     assert capture.truth.objects[0].class_name == identity.label
 
 
+def test_boxes_in_space_hold_the_posed_mesh(flown, assets):
+    identity, capture = flown
+    for state in capture.truth.objects[0].frames:
+        mesh = posed_mesh(identity, capture, state.frame, assets)
+        points = mesh.vertices[np.unique(mesh.faces)]
+        turn = trimesh.transformations.quaternion_matrix(state.orientation_wxyz)[:3, :3]
+        inside = (points - np.array(state.oriented_box.centre)) @ turn / (np.array(state.oriented_box.size) / 2)
+        np.testing.assert_allclose([inside.min(axis=0), inside.max(axis=0)], [[-1.0] * 3, [1.0] * 3], atol=1e-9)
+        ends = [state.aligned_box.low, state.aligned_box.high]
+        np.testing.assert_allclose(ends, [points.min(axis=0), points.max(axis=0)], atol=1e-9)
+        for camera in capture.cameras:
+            corners, (x0, y0, x1, y1) = np.array(state.projected_corners[camera.name]), state.projected_box[camera.name]
+            assert np.all(corners.min(axis=0) <= (x0, y0)) and np.all(corners.max(axis=0) >= (x1, y1))
+            assert box_iou((*corners.min(axis=0), *corners.max(axis=0)), (x0, y0, x1, y1)) > 0.2
+
+
 def test_mask_pixels_lie_on_the_posed_mesh(flown, assets):
     identity, capture = flown
     away, measured, covered = [], 0, 0

@@ -7,7 +7,8 @@ from typing import Any
 
 from aerojax.capture.validate.findings import Findings, is_finite_number, shown
 
-OPTIONAL_STATE = ("truncated", "visibility", "visible_box", "projected_box", "surface_centroid", "joints")
+_SEEN = ("truncated", "visibility", "visible_box", "projected_box", "surface_centroid", "projected_corners")
+OPTIONAL_STATE = (*_SEEN, "joints", "oriented_box", "aligned_box")
 
 
 def by_camera(value: Any, field: str, cameras: list[str], found: Findings) -> bool:
@@ -45,8 +46,8 @@ def check_quaternion(value: Any, field: str, found: Findings) -> None:
 
 
 def check_seen(state: dict[str, Any], where: str, cameras: list[str], found: Findings) -> None:
-    """The optional fields by camera: `truncated`, `visibility`, both boxes and `surface_centroid`."""
-    values = {key: state[key] for key in OPTIONAL_STATE if key != "joints" and key in state}
+    """The optional fields by camera: `truncated`, `visibility`, both boxes, `surface_centroid` and corners."""
+    values = {key: state[key] for key in _SEEN if key in state}
     values = {key: value for key, value in values.items() if by_camera(value, f"{where}.{key}", cameras, found)}
     for camera, flag in values.get("truncated", {}).items():
         check_flag(flag, f"{where}.truncated.{shown(camera)[1:-1]}", found)
@@ -58,6 +59,30 @@ def check_seen(state: dict[str, Any], where: str, cameras: list[str], found: Fin
         check_corners(values.get(name, {}), f"{where}.{name}", found)
     for camera, point in values.get("surface_centroid", {}).items():
         found.numbers(point, f"{where}.surface_centroid.{shown(camera)[1:-1]}", 3)
+    for camera, corners in values.get("projected_corners", {}).items():
+        field = f"{where}.projected_corners.{shown(camera)[1:-1]}"
+        corners = found.items(corners, field)
+        if len(corners) != 8:
+            found.add(field, f"has {len(corners)} corners", "write the 8 corners of the box as [u, v]")
+        for number, corner in enumerate(corners):
+            found.numbers(corner, f"{field}[{number}]", 2)
+
+
+def check_boxes_3d(state: dict[str, Any], where: str, found: Findings) -> None:
+    """Both boxes in space: of finite numbers, none of them turned inside out."""
+    for name, first, second in (("oriented_box", "centre", "size"), ("aligned_box", "low", "high")):
+        if state.get(name) is None:
+            continue
+        field = f"{where}.{name}"
+        box = found.mapping(state[name], field, (first, second))
+        keys = [key for key in (first, second) if box is not None and key in box]
+        ends = {key: found.numbers(box[key], f"{field}.{key}", 3) for key in keys} if box is not None else {}
+        low, high = ends.get(first), ends.get(second)
+        if low is None or high is None:
+            continue
+        least = [0.0] * 3 if name == "oriented_box" else low
+        if any(end < start for start, end in zip(least, high, strict=True)):
+            found.add(field, f"{second} {shown(high)} is too small", "correct the box")
 
 
 def check_joints(joints: Any, field: str, found: Findings) -> None:

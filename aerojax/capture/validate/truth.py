@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from aerojax.capture.paths import pattern_problem
 from aerojax.capture.validate.findings import Findings, shown
 from aerojax.capture.validate.state import (
     OPTIONAL_STATE,
     by_camera,
+    check_boxes_3d,
     check_corners,
     check_flag,
     check_joints,
@@ -32,7 +34,7 @@ def check_truth(truth: dict[str, Any], cameras: list[str], frames: int | None, f
     seen: set[int] = set()
     for index, item in enumerate(found.items(truth["objects"], "objects") if "objects" in truth else ()):
         field = f"objects[{index}]"
-        item = found.mapping(item, field, ("id", "class", "identity", "frames"), ("source", "licence"))
+        item = found.mapping(item, field, ("id", "class", "identity", "frames"), ("source", "licence", "gaussians"))
         if item is None:
             continue
         _check_names(item, field, seen, found)
@@ -51,6 +53,11 @@ def _check_names(item: dict[str, Any], field: str, seen: set[int], found: Findin
     for key in ("identity", "source", "licence"):
         if key in item and not (item[key] is None and key != "identity"):
             found.text(item[key], f"{field}.{key}")
+    pattern = item.get("gaussians")
+    if pattern is None or found.text(pattern, f"{field}.gaussians") is None:
+        return
+    if problem := pattern_problem(pattern, (".ply",)):
+        found.add(f"{field}.gaussians", problem, "correct the pattern")
 
 
 def _check_states(states: list[Any], field: str, cameras: list[str], frames: int | None, found: Findings) -> None:
@@ -72,6 +79,7 @@ def _check_states(states: list[Any], field: str, cameras: list[str], frames: int
         _check_boxes(state, where, cameras, found)
         check_seen(state, where, cameras, found)
         check_joints(state.get("joints", {}), f"{where}.joints", found)
+        check_boxes_3d(state, where, found)
     missing = [frame for frame in range(frames or 0) if frame not in seen]
     if missing and len(states) < (frames or 0):
         first = ", ".join(map(str, missing[:5])) + (" …" if len(missing) > 5 else "")

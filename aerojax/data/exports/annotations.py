@@ -19,6 +19,7 @@ class Annotation:
     """One object in one image.
 
     item, state: the object and its state in this frame.
+    camera: name of the image's camera.
     box: x0 y0 x1 y1 in pixels of the undistorted image, ends exclusive, clipped to the image.
     visibility: share of the object's own pixels that nothing hides, or None where the truth does not say.
     truncated: whether the object reaches beyond the image, or None.
@@ -27,6 +28,7 @@ class Annotation:
 
     item: TrackedObject
     state: ObjectState
+    camera: str
     box: Box
     visibility: float | None
     truncated: bool | None
@@ -52,7 +54,8 @@ def image_annotations(capture: Capture, camera_index: int, frame: int) -> Iterat
         box = max(x0, 0.0), max(y0, 0.0), min(x1, float(camera.width)), min(y1, float(camera.height))
         if box[0] < box[2] and box[1] < box[3]:
             visibility, truncated = state.visibility.get(camera.name), state.truncated.get(camera.name)
-            yield Annotation(item, state, box, visibility, truncated, state.projected_box.get(camera.name))
+            whole = state.projected_box.get(camera.name)
+            yield Annotation(item, state, camera.name, box, visibility, truncated, whole)
 
 
 def object_pixels(

@@ -3,13 +3,17 @@
 Beyond COCO's own keys, images carry `sequence`, `camera`, `frame`, `fps`, `K` and `world_from_cam`, annotations
 `track_id` (one for an object in all cameras and frames of a sequence), `instance_id` (its value in the capture's
 masks), `identity` and, where known, `visibility`, `truncated` and `amodal_bbox` (of the whole object, hidden parts and
-those beyond the image included). Boxes are x, y, width, height of whole pixels.
+those beyond the image included). Boxes are x, y, width, height of whole pixels. Where the truth has them, there are
+also `bbox_3d` (`centre` and `size` in metres, `orientation_wxyz`; world frame, `size` along the box's own axes),
+`bbox_3d_aligned` (`low` and `high`, along the world's axes) and `bbox_3d_corners` (the eight corners of the first as
+u, v in pixels; z changes fastest, then y, then x).
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -88,7 +92,18 @@ def _optional(seen: Annotation) -> dict[str, Any]:
         x0, y0, x1, y1 = seen.whole_box
         whole = [x0, y0, x1 - x0, y1 - y0]
     known = {"visibility": seen.visibility, "truncated": seen.truncated, "amodal_bbox": whole}
+    known |= _in_space(seen)
     return {key: value for key, value in known.items() if value is not None}
+
+
+def _in_space(seen: Annotation) -> dict[str, Any]:
+    oriented, aligned = seen.state.oriented_box, seen.state.aligned_box
+    turned = {"orientation_wxyz": seen.state.orientation_wxyz}
+    return {
+        "bbox_3d": None if oriented is None else asdict(oriented) | turned,
+        "bbox_3d_aligned": None if aligned is None else asdict(aligned),
+        "bbox_3d_corners": seen.state.projected_corners.get(seen.camera),
+    }
 
 
 def finish(folder: Path, parts: Sequence[Path]) -> None:

@@ -3,7 +3,8 @@
 Annotators: rgb, instance_segmentation (16-bit ids, not colourised; 0 = BACKGROUND, 1 = UNLABELLED, else the object's id
 plus 1), distance_to_image_plane (metres, infinite where there is nothing), normals (8-bit (n + 1)/2 of the world's
 normals, black where there is none; where the capture has them), bounding_box_2d_tight (x_max and y_max are
-the last pixel; occlusionRatio -1 where unknown) and camera_params. Its matrices act on row vectors and its camera has
+the last pixel; occlusionRatio -1 where unknown), bounding_box_3d (where every visible object has such a box: its ends
+in the body's frame and world-from-body, metres) and camera_params. Its matrices act on row vectors and its camera has
 OpenGL axes: `reshape(4, 4).T` of cameraViewTransform is camera-from-world, whatever its own doc string says.
 """
 
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.frames import read_depth, read_mask, read_normal
@@ -30,12 +32,21 @@ from aerojax.data.exports.sources import (
     camera_names,
     require_no_skew,
 )
+from aerojax.geometry.boxes_3d import OrientedBox
 from aerojax.geometry.cameras import invert_rigid
 
 BOX_TYPE = np.dtype(
     [
         ("semanticId", "<u4"),
         *((side, "<i4") for side in ("x_min", "y_min", "x_max", "y_max")),
+        ("occlusionRatio", "<f4"),
+    ]
+)
+BOX_3D_TYPE = np.dtype(
+    [
+        ("semanticId", "<u4"),
+        *((end, "<f4") for end in ("x_min", "y_min", "z_min", "x_max", "y_max", "z_max")),
+        ("transform", "<f4", (4, 4)),
         ("occlusionRatio", "<f4"),
     ]
 )
@@ -122,13 +133,37 @@ def _write_boxes(seen: list[Annotation], files: _Folder, frame: int) -> None:
     for annotation in seen:
         x0, y0, x1, y1 = annotation.box
         corners = int(np.floor(x0)), int(np.floor(y0)), int(np.ceil(x1)) - 1, int(np.ceil(y1)) - 1
-        hidden = -1.0 if annotation.visibility is None else 1.0 - annotation.visibility
-        rows.append((classes.index(annotation.item.class_name), *corners, hidden))
-    kind = "bounding_box_2d_tight"
-    write_array(files.path(kind, kind, frame, ".npy"), np.array(rows, dtype=BOX_TYPE))
+        rows.append((classes.index(annotation.item.class_name), *corners, _hidden(annotation)))
+    _write_rows("bounding_box_2d_tight", np.array(rows, dtype=BOX_TYPE), seen, classes, files, frame)
+    known = [(annotation, annotation.state.oriented_box) for annotation in seen]
+    solid = [_box_3d(annotation, box, classes) for annotation, box in known if box is not None]
+    if seen and len(solid) == len(seen):
+        _write_rows("bounding_box_3d", np.array(solid, dtype=BOX_3D_TYPE), seen, classes, files, frame)
+
+
+def _write_rows(
+    kind: str, rows: np.ndarray, seen: list[Annotation], classes: list[str], files: _Folder, frame: int
+) -> None:
+    write_array(files.path(kind, kind, frame, ".npy"), rows)
     files.write_annotation(kind, f"{kind}_labels", frame, {str(i): {"class": name} for i, name in enumerate(classes)})
     paths = [prim_path(o.item.object_id, o.item.class_name) for o in seen]
     files.write_annotation(kind, f"{kind}_prim_paths", frame, paths)
+
+
+def _hidden(annotation: Annotation) -> float:
+    return -1.0 if annotation.visibility is None else 1.0 - annotation.visibility
+
+
+def _box_3d(annotation: Annotation, box: OrientedBox, classes: list[str]) -> tuple[Any, ...]:
+    """One row of bounding_box_3d; its matrix acts on row vectors, as all of Replicator's do."""
+    state = annotation.state
+    w, x, y, z = state.orientation_wxyz
+    rotation = Rotation.from_quat([x, y, z, w]).as_matrix()
+    middle, half = (np.array(box.centre) - np.array(state.position)) @ rotation, np.array(box.size) / 2
+    world_from_body = np.eye(4)
+    world_from_body[:3, :3], world_from_body[:3, 3] = rotation, state.position
+    ends = (*(middle - half).tolist(), *(middle + half).tolist())
+    return classes.index(annotation.item.class_name), *ends, world_from_body.T, _hidden(annotation)
 
 
 def camera_parameters(camera: CaptureCamera) -> dict[str, Any]:
