@@ -75,11 +75,14 @@ class View:
     rgb: sRGB, 0..1.
     mask: the object's coverage, 0..1.
     camera: its pinhole camera.
+    known: pixels in which the image says whether the object is there; beyond the border of an image that cuts the
+        object it does not, and `rgb` and `mask` mean nothing. None where every pixel is known.
     """
 
     rgb: Float[Array, "*batch height width 3"]
     mask: Float[Array, "*batch height width"]
     camera: Camera
+    known: Bool[Array, "*batch height width"] | None = None
 
 
 Box = tuple[float, float, float, float]
@@ -160,6 +163,7 @@ class Observation:
     views: crops of all cameras; their cameras stand in the crop's frame, which has the rig's axes and the object at
         its origin. Those of cameras that do not count are black.
     valid: cameras that count.
+    cut: those of them whose image's border cuts the object.
     boxes: of the object in the images; None where a camera does not show it.
     crop_from_image: homographies from pixels of the images to pixels of the crops (centres at +0.5).
     rig_from_crop, world_from_rig: rigid transforms; the rig's frame is that of its first camera.
@@ -168,10 +172,16 @@ class Observation:
     frame: int
     views: View
     valid: Bool[np.ndarray, "view"]
+    cut: Bool[np.ndarray, "view"]
     boxes: tuple[Box | None, ...]
     crop_from_image: Float64[np.ndarray, "view 3 3"]
     rig_from_crop: Float64[np.ndarray, "4 4"]
     world_from_rig: Float64[np.ndarray, "4 4"]
+
+    @property
+    def whole(self) -> Bool[np.ndarray, "view"]:
+        """Cameras that show the whole object."""
+        return self.valid & ~self.cut
 
     @property
     def world_from_crop(self) -> Float64[np.ndarray, "4 4"]:

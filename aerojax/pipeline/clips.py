@@ -106,7 +106,7 @@ def _facts(job: _Job, clip: Clip) -> dict[str, Fact]:
     seen = [
         (max(box[2] - box[0], box[3] - box[1]), float(np.linalg.norm(pose[:3, 3])))
         for one in clip.observations
-        for box, use, pose in zip(one.boxes, one.valid, np.asarray(one.views.camera.world_from_cam), strict=True)
+        for box, use, pose in zip(one.boxes, one.whole, np.asarray(one.views.camera.world_from_cam), strict=True)
         if use and box is not None
     ]
     width, distance = np.median(np.array(seen), axis=0)

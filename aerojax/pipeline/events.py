@@ -39,6 +39,7 @@ class Updated:
     consistency: how well the cameras agree in this frame.
     shift_m: by which a camera's picture was displaced to fit the others, at most, metres at the object; 0 where the
         silhouettes fit as they are.
+    cut: cameras whose image's border cuts the object, of which the part in the image is used.
     """
 
     frame: int
@@ -49,6 +50,7 @@ class Updated:
     log_probabilities: Float32[np.ndarray, "label"] | None
     consistency: Consistency
     shift_m: float = 0.0
+    cut: tuple[int, ...] = ()
 
     @property
     def gaussians(self) -> Gaussians:

@@ -24,7 +24,7 @@ from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import Pipeline, PipelineState, make_pipeline
 from aerojax.pipeline.stream import stream
 from aerojax.pipeline.trust import Record, TrustConfig, Verdict, judge
-from aerojax.pipeline.warnings import convention_of, missing_warnings, shift_warnings
+from aerojax.pipeline.warnings import convention_of, cut_warnings, missing_warnings, shift_warnings
 from aerojax.reconstruct.consistency import Consistency
 
 Progress = Callable[[int, int, str], None]
@@ -119,7 +119,9 @@ def reconstruct_capture(
                 records[event.track] = _record(records, state, event.track)
         state = after
     warnings = (*capture.warnings, *missing_warnings(capture, missing))
-    warnings = (*warnings, *shift_warnings([one for many in updates.values() for one in many], capture.frames))
+    everything = [one for many in updates.values() for one in many]
+    warnings = (*warnings, *shift_warnings(everything, capture.frames))
+    warnings = (*warnings, *cut_warnings(everything, capture.cameras, capture.frames))
     disjoint = [event.frame for event in dropped if event.code == "silhouettes-disjoint"]
     convention = convention_of(capture, pipeline, disjoint) if 2 * len(disjoint) > capture.frames else None
     if convention is not None:
@@ -153,7 +155,7 @@ def reconstruct_capture(
 
 
 def observe_frame(capture: Capture, frame: int, config: PipelineConfig, *, object_id: int | None = None) -> Observation:
-    """What the cameras of one frame saw of the object, as `reconstruct_capture` cuts it out.
+    """What the cameras of one frame that show the whole object saw of it, as `reconstruct_capture` cuts it out.
 
     Raises:
         UserError: there is no such frame, or fewer than `config.min_views` cameras see the whole object in it.
@@ -169,7 +171,8 @@ def observe_frame(capture: Capture, frame: int, config: PipelineConfig, *, objec
     frames = read_frames(capture, frame)
     silhouettes, _ = pipeline.segmenter.step(frames, state.segment)
     tracks, _ = pipeline.tracker.step(frames, silhouettes, state.track)
-    seen = pipeline.observe(frames, tracks[0]) if tracks else pipeline.too_few_views(frames, None, 0)
+    nobody = pipeline.too_few_views(frames, None, 0)
+    seen = pipeline.observe(frames, tracks[0], cut_views=False) if tracks else nobody
     if isinstance(seen, Dropped):
         raise UserError("no-usable-frames", f"{capture.folder}: frame {frame}: {seen.text}", "choose another frame")
     return seen

@@ -28,6 +28,7 @@ from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import Reconstructor
 from aerojax.reconstruct.consistency import consistency
 from aerojax.reconstruct.crop import small_crops
+from aerojax.reconstruct.cut_views import FEWEST_WHOLE, crops_to_read
 from aerojax.reconstruct.observe import observe, usable
 from aerojax.segment.base import Preview, Segmenter
 from aerojax.track.base import Tracker
@@ -109,19 +110,28 @@ class Pipeline:
                 del objects[number]
         return tuple(events), PipelineState(segment, track, objects)
 
-    def observe(self, frames: FrameSet, track: Track) -> Observation | Dropped:
-        """Cut out an object where enough cameras show it whole."""
-        whole = sum(usable(track.silhouettes))
-        if whole < self.config.min_views:
+    def observe(self, frames: FrameSet, track: Track, *, cut_views: bool = True) -> Observation | Dropped:
+        """Cut out an object where enough cameras show it.
+
+        Args:
+            frames: the images. track: the object in them.
+            cut_views: whether cameras whose border cuts the object count, if the reconstructor heeds what they do not
+                show.
+        """
+        whole, cut_views = sum(usable(track.silhouettes)), cut_views and self.config.reconstruct.reads_known
+        most = sum(one is not None for one in track.silhouettes) if cut_views else whole
+        if whole < FEWEST_WHOLE or most < self.config.min_views:
             return self.too_few_views(frames, track.number, whole)
         with self.watch.stage("crop"):
-            return observe(
+            seen = observe(
                 frames,
                 track.silhouettes,
                 self.cameras,
                 size=self.config.crop_size,
                 world_from_rig=self.world_from_rig,
+                cut_views=cut_views,
             )
+        return seen if seen.valid.sum() >= self.config.min_views else self.too_few_views(frames, track.number, whole)
 
     def _follow(self, frames: FrameSet, track: Track, before: TrackState) -> tuple[Updated | Dropped, TrackState]:
         """One object's event, and its next state."""
@@ -130,12 +140,12 @@ class Pipeline:
             return seen, TrackState(frames.frame, before.classify, before.record.unused())
         valid = jnp.asarray(seen.valid)
         made = reconstruct_aligned(
-            partial(self._reconstruct, valid=valid), seen.views, seen.valid, stage=self.watch.stage
+            partial(self._reconstruct, valid=valid), seen.views, seen.valid, whole=seen.whole, stage=self.watch.stage
         )
         met = made.count > 0
         with self.watch.stage("check"):
             focal = np.array([camera.K[0, 0] for camera in self.cameras])
-            agreement = consistency(seen.views, seen.valid, focal, made.uncovered)
+            agreement = consistency(seen.views, seen.whole, focal, made.uncovered)
             record = before.record.seen(agreement, frames.time_s, seen.rig_from_crop[:3, 3], used=met)
         if not met:
             text = "the silhouettes of the cameras do not meet: check calibration, masks and synchronisation"
@@ -150,8 +160,8 @@ class Pipeline:
         evidence = Evidence(gaussians, self._crops(seen))
         probabilities, classify = self._classified(evidence, before.classify)
         position = seen.world_from_crop[:3, 3]
-        largest = float(made.shift_m.max())
-        updated = Updated(frames.frame, track.number, position, evidence, seen, probabilities, agreement, largest)
+        largest, cut = float(made.shift_m.max()), tuple(int(i) for i in np.flatnonzero(seen.cut))
+        updated = Updated(frames.frame, track.number, position, evidence, seen, probabilities, agreement, largest, cut)
         return updated, TrackState(frames.frame, classify, record)
 
     def _reconstruct(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, int]:
@@ -168,7 +178,7 @@ class Pipeline:
     def _crops(self, seen: Observation) -> Crops:
         views = seen.views
         rgba = small_crops(np.asarray(views.rgb), np.asarray(views.mask), size=self.config.view_size)
-        return Crops(jnp.asarray(rgba), jnp.asarray(seen.valid))
+        return Crops(jnp.asarray(rgba), jnp.asarray(crops_to_read(seen.valid, seen.cut, self.config.min_views)))
 
     def _unclassified(self) -> Any:
         return self.classifier.initial() if self.classifier is not None and self.classifier.causal else None

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from aerojax.capture.format import Capture
+from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.frames import read_frames
 from aerojax.core.types import MissingView
 from aerojax.pipeline.events import Updated
@@ -41,6 +41,15 @@ def shift_warnings(updates: Sequence[Updated], frames: int) -> tuple[str, ...]:
         return ()
     text = f"the silhouettes fit only with cameras displaced by up to {max(shifts):.2g} m at the object"
     return (f"{len(shifts)} of {frames} frames: {text}; check calibration and clocks",)
+
+
+def cut_warnings(updates: Sequence[Updated], cameras: Sequence[CaptureCamera], frames: int) -> tuple[str, ...]:
+    """A sentence on the frames in which cameras that show a part of the object are used; none where all is whole."""
+    cut = [event.cut for event in updates if event.cut]
+    if not cut:
+        return ()
+    names = ", ".join(cameras[camera].name for camera in sorted({camera for some in cut for camera in some}))
+    return (f"{len(cut)} of {frames} frames use cameras whose border cuts the object: {names}",)
 
 
 def convention_of(capture: Capture, pipeline: Pipeline, frames: Sequence[int]) -> Convention | None:

@@ -48,6 +48,7 @@ def reconstruct_aligned(
     views: View,
     valid: Bool[np.ndarray, "camera"],
     *,
+    whole: Bool[np.ndarray, "camera"] | None = None,
     stage: Callable[[str], AbstractContextManager[None]] = lambda _: nullcontext(),
 ) -> Reconstruction:
     """Reconstruct views as they are, and shifted if much of the silhouettes is left bare.
@@ -56,6 +57,7 @@ def reconstruct_aligned(
         reconstruct: of views; 0 Gaussians where they do not meet.
         views: crops that look at the frame's origin, metres.
         valid: cameras that count.
+        whole: those of them that show the whole object, which alone can be compared and shifted; None for all.
         stage: measures the time of "reconstruct" and "align".
     """
     with stage("reconstruct"):
@@ -65,7 +67,7 @@ def reconstruct_aligned(
     if np.nanmedian(uncovered) <= MOST_UNCOVERED:
         return as_stated
     with stage("align"):
-        shift = misplaced(views, valid)
+        shift = misplaced(views, valid if whole is None else whole)
         if shift is None:
             return as_stated
         back = _shifted(views, shift)

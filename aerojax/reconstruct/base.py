@@ -56,6 +56,8 @@ class ReconstructorConfig(ABC):
     """Configuration of a member, chosen by its name: `reconstruct=hull`."""
 
     members: ClassVar[str] = "aerojax.reconstruct.members"
+    reads_known: ClassVar[bool] = False
+    """Whether the member heeds `View.known`; others are given no view that cuts the object."""
 
     @abstractmethod
     def build(self) -> Reconstructor:

@@ -13,7 +13,7 @@ import functools
 import itertools
 import operator
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +25,8 @@ from aerojax.core.types import SH_C0, Camera, Gaussians, View, pytree_dataclass,
 from aerojax.geometry.cameras import pixels_of_camera_points
 from aerojax.geometry.rotations import normalise, quaternion_from_rotation
 from aerojax.reconstruct.base import ReconstructorConfig
-from aerojax.reconstruct.silhouette import bilinear, signed_distance
+from aerojax.reconstruct.silhouette import bilinear, known_about, known_at, signed_distance
+from kernels.hull.limits import ENOUGH, LEAST_VIEWS
 
 
 @dataclass(frozen=True)
@@ -40,6 +41,7 @@ class HullConfig(ReconstructorConfig):
     opacity: of every Gaussian.
     """
 
+    reads_known: ClassVar[bool] = True
     name: Literal["hull"] = "hull"
     grid: int = 64
     capacity: int = 4096
@@ -79,6 +81,9 @@ def visual_hull(
 ) -> tuple[Gaussians, Int[Array, ""], Float[Array, ""]]:
     """Surface Gaussians of the visual hull of crops that look at the frame's origin.
 
+    A view cuts nothing away, and gives no colour, where its image does not reach (`View.known`); what fewer than two
+    views see is not kept.
+
     Args:
         views: crops (leading axis `view`) whose cameras stand in a frame with the object near its origin, metres.
         valid: views that count; the others constrain nothing.
@@ -88,9 +93,10 @@ def visual_hull(
         Gaussians, `config.capacity` of them, of which the first `count` are real and the rest repeat the first;
         `count` (0 where the masks meet nowhere); the grid's cell size, metres.
     """
-    distance = jax.vmap(signed_distance)(views.mask)
+    distance = jax.vmap(signed_distance)(views.mask, views.known)
     cell = _cell_size(views.camera, valid, config)
-    field = _hull_field(distance, views.camera, valid, cell, config.grid) + config.dilation * cell
+    field = _hull_field(Outlines(distance, views.known, views.camera, valid), cell, config.grid)
+    field = field + config.dilation * cell
     points, normals, count = _surface(field, cell, config)
     quaternion, scale = _surface_axes(points, normals, field, cell, config.grid)
     # The grown surface lies just off the object: its colour is that of the surface beneath.
@@ -99,6 +105,20 @@ def visual_hull(
     opacity = jnp.full(points.shape[0], config.opacity, points.dtype)
     sh = ((colour - 0.5) / SH_C0)[:, None, :]
     return Gaussians(points, quaternion, scale, opacity, sh), count, cell
+
+
+@pytree_dataclass
+class Outlines:
+    """What cuts the hull.
+
+    distance: to each silhouette, pixels, positive inside. known: as in `View`. camera: of the crops.
+    valid: views that count.
+    """
+
+    distance: Float[Array, "*batch size size"]
+    known: Bool[Array, "*batch size size"] | None
+    camera: Camera
+    valid: Bool[Array, "*batch"]
 
 
 def _cell_size(cameras: Camera, valid: Bool[Array, "view"], config: HullConfig) -> Float[Array, ""]:
@@ -148,48 +168,47 @@ def _halves(values: Float[AnyArray, "*shape"]) -> tuple[Float[AnyArray, "*shape"
     return high, values - high
 
 
-def _hull_field(
-    distance: Float[Array, "view size size"],
-    cameras: Camera,
-    valid: Bool[Array, "view"],
-    cell: Float[Array, ""],
-    grid: int,
-) -> Float[Array, "grid grid grid"]:
+def _hull_field(outlines: Outlines, cell: Float[Array, ""], grid: int) -> Float[Array, "grid grid grid"]:
     """Approximate signed distance to the hull, metres, positive inside: the least over views of the silhouettes'.
 
     Evaluated on every other grid point of each axis first; the distance changes no faster than one metre a metre, so
     only cells whose coarse neighbour is near the surface are evaluated again, and the others keep the coarse value.
     """
-    views = (distance, cameras, valid)
     half = grid // 2
     coarse_cell = 2 * cell
-    coarse = _least_distance(_cell_centres(jnp.arange(half**3), coarse_cell, half), *views)
+    enough = ENOUGH * cell
+    coarse = _least_distance(_cell_centres(jnp.arange(half**3), coarse_cell, half), outlines, enough)
     # 0.87 cells to the surface, one more for the gradient's stencil, and the way to the coarse centre.
     near = jnp.abs(coarse) < 1.45 * coarse_cell
     budget = half**3 // 4
     chosen = jnp.nonzero(near, size=budget, fill_value=half**3)[0]
     corner = 2 * jnp.stack(jnp.unravel_index(jnp.minimum(chosen, half**3 - 1), (half, half, half)), axis=-1)
     ijk = (corner[:, None, :] + jnp.array(list(itertools.product((0, 1), repeat=3)))[None]).reshape(-1, 3)
-    fine = _least_distance((ijk.astype(cell.dtype) - (grid - 1) / 2) * cell, *views)
+    fine = _least_distance((ijk.astype(cell.dtype) - (grid - 1) / 2) * cell, outlines, enough)
     field = jnp.repeat(jnp.repeat(jnp.repeat(coarse.reshape(half, half, half), 2, 0), 2, 1), 2, 2)
     at = jnp.where(jnp.repeat(chosen < half**3, 8)[:, None], ijk, grid)
     return field.at[at[:, 0], at[:, 1], at[:, 2]].set(fine, mode="drop")
 
 
 def _least_distance(
-    points: Float[Array, "point 3"],
-    distance: Float[Array, "view size size"],
-    cameras: Camera,
-    valid: Bool[Array, "view"],
+    points: Float[Array, "point 3"], outlines: Outlines, enough: Float[Array, ""]
 ) -> Float[Array, "point"]:
-    def body(least: Array, view: tuple[Array, Camera, Array]) -> tuple[Array, None]:
-        image, camera, use = view
-        pixels, depth = _pixels_and_depths(points, camera)
-        metres = bilinear(image, pixels) * depth / camera.K[0, 0]
-        return jnp.minimum(least, jnp.where(use, metres, jnp.inf)), None
+    """Least over the views that see a point; where some pixels are not known, no less than `enough`.
 
-    start = jnp.full(points.shape[0], jnp.inf, distance.dtype)
-    return jax.lax.scan(body, start, (distance, cameras, valid))[0]
+    At an image's border the distance jumps: cut off, it is the same however many views are asked.
+    """
+
+    def body(found: tuple[Array, Array], view: Outlines) -> tuple[tuple[Array, Array], None]:
+        least, views = found
+        pixels, depth = _pixels_and_depths(points, view.camera)
+        metres = bilinear(view.distance, pixels) * depth / view.camera.K[0, 0]
+        use = view.valid if view.known is None else view.valid & known_at(view.known, pixels)
+        return (jnp.minimum(least, jnp.where(use, metres, jnp.inf)), views + use.astype(jnp.int32)), None
+
+    none = jnp.zeros((), jnp.int32) if outlines.known is None else jnp.zeros(points.shape[0], jnp.int32)
+    start = jnp.full(points.shape[0], jnp.inf, outlines.distance.dtype), none
+    least, views = jax.lax.scan(body, start, outlines)[0]
+    return least if outlines.known is None else jnp.where(views < LEAST_VIEWS, enough, jnp.maximum(least, enough))
 
 
 def _gradient(field: Float[Array, "grid grid grid"], cell: Float[Array, ""]) -> Float[Array, "grid grid grid 3"]:
@@ -287,6 +306,7 @@ def _surface_colour(
         towards = normalise(view.camera.world_from_cam[None, :3, 3] - points)
         square = jnp.maximum(jnp.sum(normals * towards, axis=-1), 0.0) ** 2
         inner = jnp.clip(bilinear(image, pixels) / 2.0, 0.0, 1.0)  # the rim mixes with the background
+        use = use if view.known is None else use & known_about(view.known, pixels)
         weight = jnp.where(use, 1e-6 + seen.astype(inner.dtype) * (1e-3 + square * inner), 0.0)
         return weight[:, None] * bilinear(view.rgb, pixels), weight
 

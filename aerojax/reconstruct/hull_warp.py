@@ -5,7 +5,6 @@ It compiles nothing per shape and takes a third of the twin's time on one core; 
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float32
@@ -34,9 +33,13 @@ def hull_of_crops(
     if not valid.any():
         return _padded(empty_surface(), config), 0, 0.0
     rows = slice(None) if valid.all() else valid
-    rgb, mask, K, pose = (np.asarray(leaf, np.float32)[rows] for leaf in jax.tree.leaves(views))
-    cell = _cell_size(K, pose, views.camera.width, config)
-    seen = Silhouettes(rgb, mask, K, cam_from_world_rows(pose), pose[:, :3, 3])
+    camera = views.camera
+    rgb, mask, K, pose = (
+        np.asarray(leaf, np.float32)[rows] for leaf in (views.rgb, views.mask, camera.K, camera.world_from_cam)
+    )
+    known = None if views.known is None else np.asarray(views.known)[rows]
+    cell = _cell_size(K, pose, camera.width, config)
+    seen = Silhouettes(rgb, mask, K, cam_from_world_rows(pose), pose[:, :3, 3], known)
     surface = hull_surface(seen, Grid(config.grid, cell, config.capacity, config.dilation), device=device)
     return _padded(surface, config), len(surface.mean), cell
 

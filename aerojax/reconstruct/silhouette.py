@@ -6,7 +6,9 @@ from functools import reduce
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
+
+from kernels.hull.limits import REACH
 
 
 def bilinear(
@@ -27,15 +29,39 @@ def bilinear(
     return top * (1 - fy) + bottom * fy
 
 
-def signed_distance(mask: Float[Array, "size size"], *, reach: int = 16) -> Float[Array, "size size"]:
+def known_at(known: Bool[Array, "height width"], pixels: Float[Array, "point 2"]) -> Bool[Array, "point"]:
+    """Whether continuous pixels lie in known ones; beyond the border the nearest pixel decides."""
+    height, width = known.shape
+    x = jnp.clip(pixels[:, 0], 0.0, width - 1.0).astype(jnp.int32)
+    y = jnp.clip(pixels[:, 1], 0.0, height - 1.0).astype(jnp.int32)
+    return known.reshape(-1)[y * width + x]
+
+
+def known_about(known: Bool[Array, "height width"], pixels: Float[Array, "point 2"]) -> Bool[Array, "point"]:
+    """Whether all four pixels that `bilinear` reads are known."""
+    corners = ((-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5))
+    return reduce(jnp.logical_and, (known_at(known, pixels + jnp.array([corner])) for corner in corners))
+
+
+def signed_distance(
+    mask: Float[Array, "size size"], known: Bool[Array, "size size"] | None = None, *, reach: int = REACH
+) -> Float[Array, "size size"]:
     """Euclidean distance in pixels to the outline of `mask` > 0.5, positive inside, cut off at ±`reach`.
 
     Two separable lower envelopes (Felzenszwalb & Huttenlocher 2012), each a minimum over 2·reach+1 shifts, exact within
     the reach; an empty mask is far outside everywhere.
+
+    Args:
+        mask: coverage.
+        known: pixels of which `mask` speaks; where an image ends is no outline. What is not known counts as object for
+            pixels of the object and as background for the others; its own pixels have a distance as in the object.
+        reach: pixels.
     """
     inside = mask > 0.5
+    filled = inside if known is None else inside | ~known
+    shown = inside if known is None else inside & known
     # Half a pixel each way: the outline runs between the pixels.
-    return jnp.where(inside, _distance_to(~inside, reach) - 0.5, 0.5 - _distance_to(inside, reach))
+    return jnp.where(filled, _distance_to(~filled, reach) - 0.5, 0.5 - _distance_to(shown, reach))
 
 
 def _distance_to(target: Array, reach: int) -> Float[Array, "size size"]:

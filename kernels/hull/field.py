@@ -13,11 +13,12 @@ mat34 = wp.types.matrix(shape=(3, 4), dtype=float)
 
 
 class FieldKernels(NamedTuple):
-    """The first three make the images' distances, `coarse` and `fine` the grid's; `near` finds the surface's cells."""
+    """The first four make the images' distances, `coarse` and `fine` the grid's; `near` finds the surface's cells."""
 
     row_distance: wp.Kernel
     column_gap: wp.Kernel
     signed_distance: wp.Kernel
+    outside: wp.Kernel
     coarse: wp.Kernel
     fine: wp.Kernel
     near: wp.Kernel
@@ -26,7 +27,8 @@ class FieldKernels(NamedTuple):
 @no_type_check  # Warp compiles functions from their source; a run-time checker around them would hide it
 @lru_cache(maxsize=1)
 def image_functions():
-    """Warp functions: world point → pixel and depth; bilinear look-up in images of numbers or of colours."""
+    """Warp functions: world point → pixel and depth; bilinear look-up in images; whether the nearest pixel, or all that
+    the look-up reads, are known."""
 
     @wp.func
     def pixel_and_depth(point: wp.vec3, cam_from_world: mat34, K: wp.mat33) -> wp.vec3:
@@ -52,7 +54,21 @@ def image_functions():
         bottom = images[view, y0 + 1, x0] * (1.0 - fx) + images[view, y0 + 1, x0 + 1] * fx
         return top * (1.0 - fy) + bottom * fy
 
-    return pixel_and_depth, sample_at
+    @wp.func
+    def known_at(known: wp.array3d(dtype=wp.bool), view: int, u: float, v: float) -> bool:
+        if known.shape[0] == 0:
+            return True
+        x = int(wp.clamp(u, 0.0, float(known.shape[2]) - 1.0))
+        y = int(wp.clamp(v, 0.0, float(known.shape[1]) - 1.0))
+        return known[view, y, x]
+
+    @wp.func
+    def known_about(known: wp.array3d(dtype=wp.bool), view: int, u: float, v: float) -> bool:
+        # The four pixels that `sample_at` reads.
+        above = known_at(known, view, u - 0.5, v - 0.5) and known_at(known, view, u + 0.5, v - 0.5)
+        return above and known_at(known, view, u - 0.5, v + 0.5) and known_at(known, view, u + 0.5, v + 0.5)
+
+    return pixel_and_depth, sample_at, known_at, known_about
 
 
 @no_type_check
@@ -89,7 +105,7 @@ def grid_functions():
 @lru_cache(maxsize=1)
 def field_kernels() -> FieldKernels:
     """All kernels of the field, compiled at their first launch."""
-    pixel_and_depth, sample_at = image_functions()
+    pixel_and_depth, sample_at, known_at, _ = image_functions()
     centre, gradient = grid_functions()
 
     @wp.kernel(enable_backward=False)
@@ -159,36 +175,55 @@ def field_kernels() -> FieldKernels:
         # Half a pixel each way: the outline runs between the pixels.
         distance[view, y, x] = float(sign) * (wp.sqrt(float(best)) - 0.5)
 
+    @wp.kernel(enable_backward=False)
+    def _outside(shown: wp.array3d(dtype=float), distance: wp.array3d(dtype=float)):
+        # Of pixels where even what is not known is no object: the distance to what is seen of it.
+        view, y, x = wp.tid()
+        if distance[view, y, x] < 0.0:
+            distance[view, y, x] = shown[view, y, x]
+
     @wp.func
     def _least_distance(
         point: wp.vec3,
         distance: wp.array3d(dtype=float),
+        known: wp.array3d(dtype=wp.bool),
         cam_from_world: wp.array(dtype=mat34),
         K: wp.array(dtype=wp.mat33),
         enough: float,
+        least_views: int,
     ) -> float:
         least = float(wp.inf)
+        views = wp.int32(0)
         for view in range(distance.shape[0]):
             if least > enough:
                 seen = pixel_and_depth(point, cam_from_world[view], K[view])
-                metres = sample_at(distance, view, seen[0], seen[1]) * seen[2] / K[view][0, 0]
-                least = wp.min(least, metres)
+                if known_at(known, view, seen[0], seen[1]):
+                    metres = sample_at(distance, view, seen[0], seen[1]) * seen[2] / K[view][0, 0]
+                    least = wp.min(least, metres)
+                    views += 1
+        if known.shape[0] > 0:
+            # At an image's border the distance jumps: cut off, it is the same however many views were asked.
+            if views < least_views:
+                return enough
+            return wp.max(least, enough)
         return least
 
     @wp.kernel(enable_backward=False)
     def _coarse(
         distance: wp.array3d(dtype=float),
+        known: wp.array3d(dtype=wp.bool),
         cam_from_world: wp.array(dtype=mat34),
         K: wp.array(dtype=wp.mat33),
         cell: float,
         shift: float,
         enough: float,
+        least_views: int,
         field: wp.array3d(dtype=float),
         near: wp.array3d(dtype=wp.bool),
     ):
         i, j, k = wp.tid()
         point = centre(i, j, k, 2.0 * cell, near.shape[0])
-        value = _least_distance(point, distance, cam_from_world, K, enough)
+        value = _least_distance(point, distance, known, cam_from_world, K, enough, least_views)
         near[i, j, k] = wp.abs(value) < 1.45 * (2.0 * cell)
         for corner in range(8):
             field[2 * i + corner // 4, 2 * j + (corner // 2) % 2, 2 * k + corner % 2] = value + shift
@@ -196,11 +231,13 @@ def field_kernels() -> FieldKernels:
     @wp.kernel(enable_backward=False)
     def _fine(
         distance: wp.array3d(dtype=float),
+        known: wp.array3d(dtype=wp.bool),
         cam_from_world: wp.array(dtype=mat34),
         K: wp.array(dtype=wp.mat33),
         cell: float,
         shift: float,
         enough: float,
+        least_views: int,
         chosen: wp.array(dtype=int),
         field: wp.array3d(dtype=float),
     ):
@@ -211,7 +248,7 @@ def field_kernels() -> FieldKernels:
         j = 2 * ((chosen[at] // half) % half) + (corner // 2) % 2
         k = 2 * (chosen[at] % half) + corner % 2
         point = centre(i, j, k, cell, grid)
-        field[i, j, k] = _least_distance(point, distance, cam_from_world, K, enough) + shift
+        field[i, j, k] = _least_distance(point, distance, known, cam_from_world, K, enough, least_views) + shift
 
     @wp.kernel(enable_backward=False)
     def _near(
@@ -228,4 +265,4 @@ def field_kernels() -> FieldKernels:
             steep = g[0] * g[0] + g[1] * g[1] + g[2] * g[2]
             near[i, j, k] = steep > 0.01 and value < 0.87 * cell * wp.sqrt(steep)
 
-    return FieldKernels(_row_distance, _column_gap, _signed_distance, _coarse, _fine, _near)
+    return FieldKernels(_row_distance, _column_gap, _signed_distance, _outside, _coarse, _fine, _near)

@@ -9,12 +9,8 @@ import numpy as np
 import warp as wp
 
 from kernels.hull.field import field_kernels, mat34
+from kernels.hull.limits import ENOUGH, LEAST_VIEWS, REACH
 from kernels.hull.surface import surface_kernels
-
-REACH = 16
-"""Pixels at which distances to a silhouette are cut off."""
-ENOUGH = -6.0
-"""Cells: what one view puts this far outside needs no other view. No surface cell's stencil or moments reach there."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +19,7 @@ class Silhouettes:
 
     rgb: (view, size, size, 3). mask: coverage (view, size, size). K: pixels (view, 3, 3).
     cam_from_world: first three rows of the rigid transforms, metres (view, 3, 4). centres: of the cameras (view, 3).
+    known: bool (view, size, size), pixels that the other images speak of; None for all.
     """
 
     rgb: np.ndarray
@@ -30,6 +27,7 @@ class Silhouettes:
     K: np.ndarray
     cam_from_world: np.ndarray
     centres: np.ndarray
+    known: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,9 @@ class _Frame:
         self.K, self.centres = self.array(views.K, wp.mat33), self.array(views.centres, wp.vec3)
         self.cam_from_world = self.array(views.cam_from_world, mat34)
         self.cameras = (self.cam_from_world, self.K)
-        self.distance = self.distances()
+        # No pixels at all stand for all known ones.
+        self.known = self.array(np.zeros((0, 0, 0), bool) if views.known is None else views.known, wp.bool)
+        self.distance = self.distances(views)
 
     def array(self, values: np.ndarray, dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(values), dtype=dtype, device=self.device, copy=False)
@@ -73,11 +73,21 @@ class _Frame:
     def launch(self, kernel: wp.Kernel, dim: Any, *arguments: Any) -> None:
         wp.launch(kernel, dim=dim, inputs=arguments, device=self.device)
 
-    def distances(self) -> wp.array:
-        """Signed distance to each silhouette, pixels, positive inside."""
+    def distances(self, views: Silhouettes) -> wp.array:
+        """Signed distance to each silhouette, pixels, positive inside; where an image ends is no outline."""
+        if views.known is None:
+            return self.distances_of(self.mask)
+        shown = self.array(np.where(views.known, views.mask, 0.0).astype(np.float32), wp.float32)
+        filled = self.array(np.where(views.known, views.mask, 1.0).astype(np.float32), wp.float32)
+        distance = self.distances_of(filled)
+        self.launch(field_kernels().outside, distance.shape, self.distances_of(shown), distance)
+        return distance
+
+    def distances_of(self, mask: wp.array) -> wp.array:
+        """The same of whole images."""
         kernels, shape = field_kernels(), (self.count, self.size, self.size)
         squares, gap, distance = (self.empty(shape, dtype) for dtype in (wp.int32, wp.int32, wp.float32))
-        self.launch(kernels.row_distance, shape[:2], self.mask, REACH, squares)
+        self.launch(kernels.row_distance, shape[:2], mask, REACH, squares)
         self.launch(kernels.column_gap, (self.count, self.size), squares, REACH, gap)
         self.launch(kernels.signed_distance, shape, squares, gap, REACH, distance)
         return distance
@@ -87,14 +97,15 @@ class _Frame:
         kernels, side, cell = field_kernels(), self.grid.side, self.grid.cell
         half = side // 2
         field, coarse_near = self.empty((side,) * 3, wp.float32), self.empty((half,) * 3, wp.bool)
-        numbers = (cell, self.grid.dilation * cell, ENOUGH * cell)
-        self.launch(kernels.coarse, (half,) * 3, self.distance, *self.cameras, *numbers, field, coarse_near)
+        outlines = (self.distance, self.known, *self.cameras)
+        numbers = (cell, self.grid.dilation * cell, ENOUGH * cell, LEAST_VIEWS)
+        self.launch(kernels.coarse, (half,) * 3, *outlines, *numbers, field, coarse_near)
         chosen = np.flatnonzero(coarse_near.numpy()).astype(np.int32)
         near = wp.zeros((side,) * 3, dtype=wp.bool, device=self.device)
         if chosen.size:
             fine = chosen[: half**3 // 4]  # beyond these the coarse values stay, as in the twin
             where = self.array(chosen, wp.int32)
-            self.launch(kernels.fine, (fine.size, 8), self.distance, *self.cameras, *numbers, where, field)
+            self.launch(kernels.fine, (fine.size, 8), *outlines, *numbers, where, field)
             self.launch(kernels.near, (chosen.size, 8), field, cell, where, near)
         return field, np.flatnonzero(near.numpy())
 
@@ -111,7 +122,7 @@ class _Frame:
         beneath = (points, normals, self.grid.dilation * cell)
         self.launch(kernels.see, seen.shape, *beneath, *self.cameras, bins, seen, nearest)
         looked = (self.centres, seen, nearest, bins, cell, colours)
-        self.launch(kernels.colour, n, self.rgb, self.distance, *beneath, *looked)
+        self.launch(kernels.colour, n, self.rgb, self.distance, self.known, *beneath, *looked)
         return Surface(points.numpy(), quaternions.numpy(), scales.numpy(), colours.numpy())
 
 

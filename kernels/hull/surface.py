@@ -80,7 +80,7 @@ def axes_functions():
 @lru_cache(maxsize=1)
 def surface_kernels() -> SurfaceKernels:
     """All kernels of the surface, compiled at their first launch."""
-    pixel_and_depth, sample_at = image_functions()
+    pixel_and_depth, sample_at, _, known_about = image_functions()
     centre, gradient = grid_functions()
     moments_about, quaternion_of = axes_functions()
 
@@ -160,6 +160,7 @@ def surface_kernels() -> SurfaceKernels:
     def _colour(
         rgb: wp.array3d(dtype=wp.vec3),
         distance: wp.array3d(dtype=float),
+        known: wp.array3d(dtype=wp.bool),
         points: wp.array(dtype=wp.vec3),
         normals: wp.array(dtype=wp.vec3),
         beneath: float,
@@ -175,15 +176,16 @@ def surface_kernels() -> SurfaceKernels:
         total = float(0.0)
         for view in range(rgb.shape[0]):
             pixel = seen[view, n]
-            weight = float(1.0e-6)
-            if pixel[2] < nearest[view, _bin(pixel, bins)] + 2.0 * cell:
-                towards = wp.normalize(centres[view] - (points[n] - beneath * normals[n]))
-                facing = wp.max(wp.dot(normals[n], towards), 0.0)
-                # The rim mixes with the background.
-                inner = wp.clamp(sample_at(distance, view, pixel[0], pixel[1]) / 2.0, 0.0, 1.0)
-                weight += 1.0e-3 + facing * facing * inner
-            colour += weight * sample_at(rgb, view, pixel[0], pixel[1])
-            total += weight
+            if known_about(known, view, pixel[0], pixel[1]):
+                weight = float(1.0e-6)
+                if pixel[2] < nearest[view, _bin(pixel, bins)] + 2.0 * cell:
+                    towards = wp.normalize(centres[view] - (points[n] - beneath * normals[n]))
+                    facing = wp.max(wp.dot(normals[n], towards), 0.0)
+                    # The rim mixes with the background.
+                    inner = wp.clamp(sample_at(distance, view, pixel[0], pixel[1]) / 2.0, 0.0, 1.0)
+                    weight += 1.0e-3 + facing * facing * inner
+                colour += weight * sample_at(rgb, view, pixel[0], pixel[1])
+                total += weight
         colours[n] = colour / wp.max(total, 1.0e-12)
 
     return SurfaceKernels(_place, _axes, _see, _colour)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -9,10 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from support.cut_views import cut_beyond
 from support.hull_views import HALF_WIDTH, SIZE, mesh_views, one, rig, rod_mask, sphere_mask, views_of
 
 from aerojax.core.types import SH_C0, View
 from aerojax.gaussians.rotate import covariance
+from aerojax.geometry.cameras import project_points
 from aerojax.geometry.rotations import rotation_from_quaternion
 from aerojax.reconstruct.hull import HullConfig, visual_hull
 from aerojax.simulate.assets.catalogue import identities
@@ -141,3 +144,40 @@ def test_the_order_of_views_does_not_matter():
     one_way, other_way = hull(views, valid)[0], hull(jax.tree.map(lambda leaf: leaf[order], views), valid)[0]
     np.testing.assert_allclose(one_way.mean, other_way.mean, atol=1e-5)
     np.testing.assert_allclose(covariance(one_way), covariance(other_way), atol=1e-6)
+
+
+def test_a_cut_view_cuts_where_it_sees_and_nowhere_else():
+    """A ball in four views, one of which ends at its middle."""
+    whole = views_of(rig(4), partial(sphere_mask, radius=0.4))
+    cut = cut_beyond(whole, 3, SIZE // 2)
+    others, everyone = jnp.arange(4) < 3, jnp.ones(4, bool)
+    found = real(*hull(cut, everyone)[:2]).mean
+    without, with_it = real(*hull(whole, others)[:2]).mean, real(*hull(whole, everyone)[:2]).mean
+    column = np.asarray(project_points(jnp.asarray(found), one(whole.camera, 3)))[:, 0]
+    edge = 8.0  # pixels, three cells: coarse cells belong to one side, and moments reach across
+    seen, unseen = found[column < SIZE / 2 - edge], found[column > SIZE / 2 + edge]
+    assert len(seen) > 100 and len(unseen) > 100
+    assert cKDTree(with_it).query(seen)[0].max() < 1e-5 > cKDTree(without).query(unseen)[0].max()
+    far = [cKDTree(other).query(part)[0].max() for other, part in ((without, seen), (with_it, unseen))]
+    assert min(far) > 0.02  # negative control: the fourth view tells something on both sides
+    naive = hull(replace(cut, known=None), everyone)[0].mean  # the border taken for an outline cuts the ball in two
+    assert cKDTree(np.asarray(naive)).query(unseen)[0].max() > 0.2
+
+
+def test_what_one_view_alone_sees_is_not_kept():
+    views = views_of(rig(3), partial(sphere_mask, radius=0.4))
+    cut = cut_beyond(cut_beyond(views, 1, SIZE // 2), 2, SIZE // 2)
+    found, count, _ = hull(cut, jnp.ones(3, bool))
+    points = real(found, count).mean
+    cameras = [one(views.camera, i) for i in (1, 2)]
+    columns = np.stack([np.asarray(project_points(jnp.asarray(points), camera))[:, 0] for camera in cameras])
+    assert int(count) > 50 and (columns.min(axis=0) < SIZE / 2 + 3).all()
+    nothing = jnp.ones(views.mask.shape, bool).at[1:].set(False)
+    assert int(hull(replace(cut, known=nothing), jnp.ones(3, bool))[1]) == 0
+
+
+def test_a_cut_view_gives_no_colour_beyond_its_border():
+    views = views_of(rig(4), partial(sphere_mask, radius=0.4))
+    cut = cut_beyond(views, 3, SIZE // 2, colour=9.0)
+    found = real(*hull(cut, jnp.ones(4, bool))[:2])
+    assert (found.sh[:, 0] * SH_C0 + 0.5).max() < 1.5

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from support.cut_views import aimed_aside
 from support.networks import frame_sets, network, position_at
 
 import aerojax.reconstruct.members
@@ -29,7 +30,7 @@ from aerojax.pipeline.offline import reconstruct_capture
 from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import Pipeline, make_pipeline
 from aerojax.pipeline.stream import stream
-from aerojax.pipeline.warnings import shift_warnings
+from aerojax.pipeline.warnings import cut_warnings, shift_warnings
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.hull import HullConfig
 from aerojax.segment.base import SegmenterConfig
@@ -99,6 +100,30 @@ def test_silhouettes_that_meet_when_shifted_are_used_and_it_is_said():
     assert not any(event.shift_m for event in right) and shift_warnings(right, 4) == ()
     sizes = [np.ptp(np.asarray(event.gaussians.mean), axis=0) for event in (*shifted, *right)]
     np.testing.assert_allclose(np.sort(sizes[0]), np.sort(sizes[4]), atol=0.1)
+
+
+def test_cameras_that_cut_the_object_are_used_and_it_is_said(monkeypatch):
+    cameras = aimed_aside(network(), 2, 50)
+    frames = list(frame_sets(cameras, range(6, 16, 3)))
+
+    def updates():
+        return [event for event in run(make_pipeline(cameras, SMALL, key=KEY), frames) if isinstance(event, Updated)]
+
+    used = updates()
+    monkeypatch.setattr(HullConfig, "reads_known", False)
+    left_out = updates()
+    cut = [event.cut == (2,) for event in used]
+    assert cut == [False, False, True, True] and not any(event.cut for event in left_out)
+    for one, other, part in zip(used, left_out, cut, strict=True):
+        assert one.observation is not None and one.observation.valid[2] and one.seen.crops is not None
+        assert part != np.asarray(one.seen.crops.valid)[2]  # classifiers read whole objects
+        same = [np.array_equal(a, b) for a, b in zip(*map(jax.tree.leaves, (one.seen, other.seen)), strict=True)]
+        assert all(same) != part  # without a cut view the answer is the same to the bit
+        np.testing.assert_array_equal(one.position, other.position)
+        assert np.isnan(one.consistency.ray_m[2]) == part and np.isfinite(one.consistency.uncovered[2])
+    (text,) = cut_warnings(used, cameras, 4)
+    assert text == f"{sum(cut)} of 4 frames use cameras whose border cuts the object: cam_03"
+    assert cut_warnings(left_out, cameras, 4) == ()
 
 
 def test_the_world_s_place_and_turn_change_nothing(classifier):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import jax
 import jax.numpy as jnp
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 import warp as wp
 from scipy.spatial import cKDTree
+from support.cut_views import cut_beyond
 from support.hull_views import SIZE, mesh_views, one, rig, sphere_mask, views_of
 
 from aerojax.core.types import SH_C0, Camera, View
@@ -66,6 +69,18 @@ def test_views_that_do_not_count(tmp_path):
     views = View(views.rgb, views.mask.at[2].set(0.0), views.camera)
     assert_equals_twin(views, valid)
     assert hull_of_crops(views, np.ones(5, bool), config=CONFIG)[1] == 0
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_views_that_are_cut(device, tmp_path):
+    views, valid = crops(3, 5, tmp_path), np.ones(5, bool)
+    cut = cut_beyond(cut_beyond(views, 1, SIZE // 2, mask=1.0), 4, 2 * SIZE // 3, colour=0.5)
+    more = assert_equals_twin(cut, valid, device=device)
+    assert more > 200
+    everything = replace(views, known=jnp.ones(views.mask.shape, bool))  # a map that excludes nothing is none
+    found, plain = (hull_of_crops(v, valid, config=CONFIG, device=device) for v in (everything, views))
+    assert found[1] == plain[1] != more
+    np.testing.assert_allclose(found[0].mean, plain[0].mean, atol=1e-6)
 
 
 def test_cells_behind_a_wide_camera():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from aerojax.reconstruct.silhouette import bilinear, signed_distance
+from aerojax.reconstruct.silhouette import bilinear, known_at, signed_distance
 
 REACH = 6
 
@@ -31,6 +31,26 @@ def test_distance_within_reach_is_exact(seed):
     # Beyond the reach the sign stays and the size is cut off.
     assert (np.sign(ours) == np.sign(exact)).all()
     assert np.abs(ours[~near]).min() >= REACH - 1.01 and np.abs(ours).max() <= REACH
+
+
+def test_where_an_image_ends_is_no_outline():
+    mask, known = blobs(0) > 0.5, np.ones((48, 48), bool)
+    known[:, 20:] = False
+    shown, filled = mask & known, mask | ~known
+    inside = ndimage.distance_transform_edt(filled) - 0.5  # to the nearest known pixel of the background
+    outside = 0.5 - ndimage.distance_transform_edt(~shown)  # to the nearest known pixel of the object
+    exact = np.clip(np.where(filled, inside, outside), 0.5 - REACH, REACH - 0.5)
+    any_mask = np.where(known, mask, np.random.default_rng(1).random(mask.shape) > 0.5).astype(np.float32)
+    ours = np.asarray(jax.jit(lambda m, k: signed_distance(m, k, reach=REACH))(any_mask, known))
+    np.testing.assert_allclose(ours, exact, atol=1e-5)
+    crossing = signed_distance(jnp.asarray(mask, jnp.float32), reach=REACH)
+    assert np.abs(ours - np.asarray(crossing))[known].max() > 1.0  # negative control
+
+
+def test_known_pixels_are_looked_up_at_the_nearest():
+    known = jnp.array([[True, False], [False, False]])
+    pixels = jnp.array([[0.9, 0.9], [1.1, 0.5], [-3.0, -1.0], [0.5, 7.0]])
+    np.testing.assert_array_equal(known_at(known, pixels), [True, False, True, False])
 
 
 def test_empty_and_full_masks():

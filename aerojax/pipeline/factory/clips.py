@@ -23,6 +23,7 @@ from aerojax.pipeline.step import decimate_in_rig, reconstruct_views
 from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.crop import small_crops
+from aerojax.reconstruct.cut_views import crops_to_read
 from aerojax.reconstruct.hull import HullConfig
 from aerojax.reconstruct.hull_warp import hull_of_crops
 from aerojax.simulate.assets.animated import build_animated
@@ -63,7 +64,7 @@ def clip_of(
         identity.label,
         identity.name,
         crop_bytes(np.stack(small)),
-        crops.valid[kept, :views],
+        crops_to_read(crops.valid, crops.cut, config.pipeline.min_views)[kept, :views],
         facts_of(plan, crops),
     )
 
@@ -91,8 +92,12 @@ def gaussians_of(
     size, kept, columns = config.pipeline.crop_size, [], []
     for frame, valid in enumerate(crops.valid):
         camera = Camera(_single(crops.K[frame]), _single(crops.crop_from_cam[frame]), size, size)
-        views = View(_single(crops.rgb[frame]), _single(crops.mask[frame]), camera)
-        made = reconstruct_aligned(partial(_reconstruct, valid=valid, config=config.pipeline.reconstruct), views, valid)
+        whole = valid & ~crops.cut[frame]
+        # Frames without a cut view are made as if there were none in the clip.
+        known = None if crops.known is None or not crops.cut[frame].any() else jnp.asarray(crops.known[frame])
+        views = View(_single(crops.rgb[frame]), _single(crops.mask[frame]), camera, known)
+        reconstruct = partial(_reconstruct, valid=valid, config=config.pipeline.reconstruct)
+        made = reconstruct_aligned(reconstruct, views, valid, whole=whole)
         if made.count == 0:
             continue
         shift = _single(crops.rig_from_crop[frame])

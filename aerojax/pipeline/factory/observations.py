@@ -18,6 +18,7 @@ from aerojax.geometry.triangulation import intersect_rays
 from aerojax.pipeline.factory.config import FactoryConfig
 from aerojax.pipeline.factory.plan import ClipPlan
 from aerojax.reconstruct.crop import Crop, CropSource, crop_cameras, crop_part, crop_source
+from aerojax.reconstruct.cut_views import FEWEST_WHOLE, aimed_boxes, known_pixels
 from aerojax.segment.silhouettes import FEWEST_PIXELS
 from aerojax.simulate.render.image import Window
 from aerojax.simulate.render.window import WindowRenderer
@@ -48,16 +49,20 @@ class ClipCrops:
     """Crops of every frame, padded to `VIEWS` views; cameras in frames with the rig's axes and the object at 0.
 
     numbers: of the frames in the clip's plan.
-    rgb: sRGB. mask: coverage. valid: views that show the whole object.
+    rgb: sRGB. mask: coverage. valid: views that count. cut: those of them whose border cuts the object.
+    known: as in `View`; None where no view is cut.
     K, crop_from_cam: of the virtual cameras, float64; the second is `world_from_cam` in the crop's frame.
     rig_from_crop: places of the crops' frames, metres. world_from_rig: rigid.
-    width_px: longer sides of the boxes of valid views, median over the clip; distance_m: from the cameras, median.
+    width_px: longer sides of the boxes of views that are not cut, median over the clip; distance_m: from the cameras,
+        median.
     """
 
     numbers: Int[np.ndarray, "time"]
     rgb: Float32[np.ndarray, "time view size size 3"]
     mask: Float32[np.ndarray, "time view size size"]
     valid: Bool[np.ndarray, "time view"]
+    cut: Bool[np.ndarray, "time view"]
+    known: Bool[np.ndarray, "time view size size"] | None
     K: Float64[np.ndarray, "time view 3 3"]
     crop_from_cam: Float64[np.ndarray, "time view 4 4"]
     rig_from_crop: Float64[np.ndarray, "time 3"]
@@ -124,38 +129,54 @@ def _fitted(values: np.ndarray, window: Window, wanted: Window, around: np.ndarr
     return out
 
 
-def crop_clip(frames: list[list[Sight | None]], plan: ClipPlan, config: FactoryConfig) -> ClipCrops | None:
-    """Cut the crops of every usable frame as `reconstruct.observe` does; None where there is none."""
-    whole = np.array([[one is not None and one.whole for one in sights] for sights in frames])
-    used = np.flatnonzero(whole.sum(axis=1) >= config.pipeline.min_views)
+def crop_clip(
+    frames: list[list[Sight | None]], plan: ClipPlan, config: FactoryConfig, *, cut_views: bool = True
+) -> ClipCrops | None:
+    """Cut the crops of every usable frame as `reconstruct.observe` does; None where there is none.
+
+    Args:
+        frames: from `see_clip`.
+        plan: of the clip.
+        config: of the factory.
+        cut_views: whether cameras that show a part of the object count, if the reconstructor heeds what they do not
+            show.
+    """
+    whole, partly = (np.zeros((len(frames), VIEWS), bool) for _ in range(2))
+    for frame, sights in enumerate(frames):
+        whole[frame, : len(sights)] = [one is not None and one.whole for one in sights]
+        partly[frame, : len(sights)] = [one is not None and not one.whole for one in sights]
+    partly &= (whole.sum(axis=1) >= FEWEST_WHOLE)[:, None] & (cut_views and config.pipeline.reconstruct.reads_known)
+    used = np.flatnonzero((whole | partly).sum(axis=1) >= config.pipeline.min_views)
     if not len(used):
         return None
     world_from_rig = plan.calibration[0].world_from_cam
     rig_from_world = np.linalg.inv(world_from_rig)
     poses = _padded(np.stack([rig_from_world @ camera.world_from_cam for camera in plan.calibration]))
-    valid = np.zeros((len(frames), VIEWS), bool)
-    valid[:, : whole.shape[1]] = whole
-    boxes = np.stack([_boxes(frames[f], valid[f]) for f in _stretched(used, len(frames))])
-    valid = valid[_stretched(used, len(frames))]
     K = _padded(np.stack([camera.K for camera in plan.calibration]))
-    crops, centres = _aim(K, poses, boxes, valid, config.pipeline.crop_size)
-    rgb, mask = _pixels([frames[f] for f in used], used, valid, np.asarray(crops.crop_from_image), plan, config)
-    count = len(used)
+    crops, centres, boxes, cut = _aim(K, poses, [frames[f] for f in used], whole[used], partly[used], config)
+    enough = (whole[used] | cut).sum(axis=1) >= config.pipeline.min_views
+    if not enough.any():
+        return None
+    used, cut, boxes, centres = used[enough], cut[enough], boxes[enough], centres[enough]
+    crops = jax.tree.map(lambda leaf: leaf[enough], crops)
+    whole, homographies = whole[used], np.asarray(crops.crop_from_image)
+    valid, seen = whole | cut, [frames[f] for f in used]
+    rgb, mask = _pixels(seen, used, valid, homographies, plan, config)
     in_crop = np.array(crops.camera.world_from_cam)
     in_crop[..., :3, 3] -= centres[:, None]
-    sides = np.maximum(boxes[..., 2] - boxes[..., 0], boxes[..., 3] - boxes[..., 1])[:count][valid[:count]]
-    away = np.linalg.norm(in_crop[:count, :, :3, 3], axis=-1)[valid[:count]]
     return ClipCrops(
         used,
         rgb,
         mask,
-        valid[:count],
-        np.asarray(crops.camera.K)[:count],
-        in_crop[:count],
-        centres[:count],
+        valid,
+        cut,
+        _known(homographies, cut, plan, config.pipeline.crop_size),
+        np.asarray(crops.camera.K),
+        in_crop,
+        centres,
         world_from_rig,
-        float(np.median(sides)),
-        float(np.median(away)),
+        float(np.median(np.maximum(boxes[..., 2] - boxes[..., 0], boxes[..., 3] - boxes[..., 1])[whole])),
+        float(np.median(np.linalg.norm(in_crop[..., :3, 3], axis=-1)[whole])),
     )
 
 
@@ -164,28 +185,62 @@ def _padded(values: Float64[np.ndarray, "camera 3 3"] | Float64[np.ndarray, "cam
     return values[[*range(len(values)), *[0] * (VIEWS - len(values))]]
 
 
-def _stretched(used: np.ndarray, frames: int) -> np.ndarray:
-    """Usable frames, the last repeated: one length for every clip is compiled once."""
-    return np.concatenate([used, np.repeat(used[-1:], frames - len(used))])
+def _stretched(values: np.ndarray, frames: int) -> np.ndarray:
+    """One entry a usable frame, the last repeated: one length for every clip is compiled once."""
+    return np.concatenate([values, np.repeat(values[-1:], frames - len(values), axis=0)])
 
 
-def _boxes(sights: list[Sight | None], valid: Bool[np.ndarray, "view"]) -> Float64[np.ndarray, "view 4"]:
-    """Boxes of the valid views; the others have the first one's, because arrays have one shape."""
-    chosen = {view: one.box for view, one in enumerate(sights) if one is not None and valid[view]}
-    first = next(iter(chosen.values()))
-    return np.array([chosen.get(view, first) for view in range(VIEWS)], np.float64)
+def _boxes(sights: list[Sight | None], chosen: Bool[np.ndarray, "view"]) -> Float64[np.ndarray, "view 4"]:
+    """Boxes of the chosen views; the others have the first one's, because arrays have one shape."""
+    found = {view: one.box for view, one in enumerate(sights) if one is not None and chosen[view]}
+    first = next(iter(found.values()))
+    return np.array([found.get(view, first) for view in range(VIEWS)], np.float64)
 
 
 def _aim(
-    K: np.ndarray, poses: np.ndarray, boxes: Float64[np.ndarray, "time view 4"], valid: np.ndarray, size: int
-) -> tuple[Crop, Float64[np.ndarray, "time 3"]]:
-    """Virtual cameras of every frame and view in the rig's frame, and where their rays meet."""
-    time = len(boxes)
-    flat = crop_cameras(np.tile(K, (time, 1, 1)), np.tile(poses, (time, 1, 1)), boxes.reshape(-1, 4), size=size)
-    crops = jax.tree.map(lambda leaf: leaf.reshape(time, VIEWS, *leaf.shape[1:]), flat)
+    K: Float64[np.ndarray, "view 3 3"],
+    poses: Float64[np.ndarray, "view 4 4"],
+    frames: list[list[Sight | None]],
+    whole: Bool[np.ndarray, "time view"],
+    partly: Bool[np.ndarray, "time view"],
+    config: FactoryConfig,
+) -> tuple[Crop, Float64[np.ndarray, "time 3"], Float64[np.ndarray, "time view 4"], Bool[np.ndarray, "time view"]]:
+    """Virtual cameras of every frame and view in the rig's frame, where the rays of whole views meet, the boxes that
+    the cameras look at, and which views that show a part are used."""
+    size = config.pipeline.crop_size
+    boxes = np.stack([_boxes(one, use) for one, use in zip(frames, whole, strict=True)])
+    crops = _look(K, poses, boxes, config.frames, size)
+    rays, weights = (_stretched(values, config.frames) for values in (np.asarray(crops.ray), whole.astype(np.float64)))
     with jax.enable_x64(True):
-        weights = jnp.asarray(valid, jnp.float64)
-        return crops, np.asarray(_meet(jnp.asarray(poses[:, :3, 3]), jnp.asarray(crops.ray), weights))
+        places = (jnp.asarray(values) for values in (poses[:, :3, 3], rays, weights))
+        centres = np.asarray(_meet(*places))[: len(frames)]
+    cut = np.zeros_like(partly)
+    for frame in np.flatnonzero(partly.any(axis=1)):
+        shown = _boxes(frames[frame], whole[frame] | partly[frame])
+        boxes[frame], cut[frame] = aimed_boxes(K, poses, shown, whole[frame], partly[frame], centres[frame])
+    return (_look(K, poses, boxes, config.frames, size) if cut.any() else crops), centres, boxes, cut
+
+
+def _look(K: np.ndarray, poses: np.ndarray, boxes: Float64[np.ndarray, "time view 4"], frames: int, size: int) -> Crop:
+    time, many = len(boxes), _stretched(boxes, frames)
+    flat = crop_cameras(np.tile(K, (frames, 1, 1)), np.tile(poses, (frames, 1, 1)), many.reshape(-1, 4), size=size)
+    return jax.tree.map(lambda leaf: leaf.reshape(frames, VIEWS, *leaf.shape[1:])[:time], flat)
+
+
+def _known(
+    homographies: Float64[np.ndarray, "time view 3 3"],
+    cut: Bool[np.ndarray, "time view"],
+    plan: ClipPlan,
+    size: int,
+) -> Bool[np.ndarray, "time view size size"] | None:
+    if not cut.any():
+        return None
+    known = np.ones((*cut.shape, size, size), bool)
+    for time, view in np.argwhere(cut):
+        camera = plan.cameras[view]
+        image_size = (camera.width, camera.height)
+        known[time, view] = known_pixels(homographies[time, view], size=size, image_size=image_size)
+    return known
 
 
 @jax.jit

@@ -146,12 +146,12 @@ def _scene(
         clip = replace(clip, flights=replace(clip.flights, in_place=1.0))
     plan = plan_clip(identity, mesh, name, attempt, clip)
     seen = see_clip(plan, mesh, clip)
-    crops = crop_clip(seen, plan, clip)
+    crops = crop_clip(seen, plan, clip, cut_views=False)
     if crops is None:
         return None
     faults = plan.faults
     right = not any((faults.rotation_deg, faults.position_m, faults.focal_percent))
-    exact = crops if right else crop_clip(seen, replace(plan, calibration=plan.cameras), clip)
+    exact = crops if right else crop_clip(seen, replace(plan, calibration=plan.cameras), clip, cut_views=False)
     assert exact is not None
     rng = np.random.default_rng(number_of(config.seed, name, attempt, "targets"))
     targets = _targets(plan, mesh, crops, exact, config, rng)
