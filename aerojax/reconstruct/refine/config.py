@@ -54,6 +54,7 @@ class RefineConfig(TrainableConfig):
     """
 
     adjustable: ClassVar[tuple[str, ...]] = ("updates",)
+    reads_known: ClassVar[bool] = True
     name: Literal["refine"] = "refine"
     grid: int = 40
     capacity: int = 1536

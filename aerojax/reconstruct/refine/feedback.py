@@ -22,7 +22,7 @@ CHANGES = 13
 
 @pytree_dataclass
 class Feedback:
-    """All zero for views that do not count.
+    """All zero for views that do not count, the images also where nothing is known.
 
     images: the object's colour 0:3 and coverage 3, errors of colour 4:7 and coverage 7, alpha 8.
     depth: of what is rendered, metres.
@@ -42,7 +42,11 @@ def resized(views: View, size: int) -> View:
         return views
     factor = jnp.array([[size / side, 1.0, size / side], [1.0, size / side, size / side], [1.0, 1.0, 1.0]])
     camera = Camera(views.camera.K * factor[None], views.camera.world_from_cam, size, size)
-    return View(_resampled(views.rgb, size), _resampled(views.mask[..., None], size)[..., 0], camera)
+    known = views.known
+    if known is not None:
+        # What is averaged over pixels that are not known is not known.
+        known = _resampled(known[..., None].astype(views.mask.dtype), size)[..., 0] > 0.999
+    return View(_resampled(views.rgb, size), _resampled(views.mask[..., None], size)[..., 0], camera, known)
 
 
 def _resampled(images: Float[Array, "view side side channel"], size: int) -> Float[Array, "view size size channel"]:
@@ -57,7 +61,7 @@ def feedback(gaussians: Gaussians, views: View, valid: Bool[Array, "view"]) -> F
     """Render Gaussians into all views and compare; nothing of it is differentiated further.
 
     The error is ½ Σ |C - A·rgb|² over the object's coverage + ½ Σ (A - mask)²: the background, of which nothing is
-    known, takes no part.
+    known, takes no part, nor does what lies beyond the border of an image.
 
     Args:
         gaussians: in the cameras' frame.
@@ -69,7 +73,8 @@ def feedback(gaussians: Gaussians, views: View, valid: Bool[Array, "view"]) -> F
     use = valid.astype(gradient.dtype)[:, None, None]
     shown = (views.rgb * views.mask[..., None], views.mask[..., None])
     images = jnp.concatenate([*shown, colour, alpha[..., None], seen.alpha[..., None]], axis=-1)
-    found = Feedback(_counted(images, use[..., None]), expected_depth(seen) * use, _counted(gradient, use))
+    shares = use[..., None] if views.known is None else use[..., None] * views.known[..., None].astype(use.dtype)
+    found = Feedback(_counted(images, shares), expected_depth(seen) * use, _counted(gradient, use))
     return jax.lax.stop_gradient(found)
 
 
@@ -94,4 +99,6 @@ def _error(
     seen = render(changed, views.camera, background=jnp.zeros(3), antialias=True)
     colour = (seen.colour - seen.alpha[..., None] * views.rgb) * views.mask[..., None]
     alpha = seen.alpha - views.mask
+    if views.known is not None:
+        colour, alpha = jnp.where(views.known[..., None], colour, 0.0), jnp.where(views.known, alpha, 0.0)
     return 0.5 * (jnp.sum(colour**2) + jnp.sum(alpha**2)), (seen, colour, alpha)

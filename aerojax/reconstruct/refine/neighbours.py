@@ -47,9 +47,15 @@ def spacing(points: Float[Array, "gaussian 3"], near: Neighbours) -> Float[Array
 
 
 def finest_pixel(
-    points: Float[Array, "gaussian 3"], cameras: Camera, valid: Bool[Array, "view"]
+    points: Float[Array, "gaussian 3"], cameras: Camera, seen: Bool[Array, "view #gaussian"]
 ) -> Float[Array, "gaussian"]:
-    """Metres that a pixel spans at each point in the view that samples it most densely; 1 where no view counts."""
+    """Metres that a pixel spans at each point in the view that samples it most densely; 1 where no view does.
+
+    Args:
+        points: metres, in the cameras' frame.
+        cameras: of the views.
+        seen: views that count; of each point, where they do not show all of them.
+    """
     span = jax.vmap(lambda camera: points_in_camera(points, camera)[:, 2] / camera.K[0, 0])(cameras)
-    least = jnp.min(jnp.where(valid[:, None] & (span > 0), span, jnp.inf), axis=0)
+    least = jnp.min(jnp.where(seen & (span > 0), span, jnp.inf), axis=0)
     return jnp.where(jnp.isfinite(least), least, 1.0)

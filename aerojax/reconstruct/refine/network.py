@@ -19,7 +19,7 @@ from aerojax.geometry.rotations import rotation_from_quaternion
 from aerojax.reconstruct.refine.feedback import Feedback
 from aerojax.reconstruct.refine.neighbours import Neighbours
 from aerojax.reconstruct.refine.parameters import Parameters, Update
-from aerojax.reconstruct.refine.sampling import ERROR, Lengths, Pyramid, sample_width, sampled
+from aerojax.reconstruct.refine.sampling import ERROR, Lengths, Pyramid, sample_width, sampled, seen_by
 
 if TYPE_CHECKING:
     from aerojax.reconstruct.refine.config import RefineConfig
@@ -88,24 +88,26 @@ class RefineNetwork(nnx.Module):
             now: Gaussians in the cameras' frame; as inputs they are not differentiated.
             memory: from `initial` or the last update.
             seen: what is wrong with them.
-            views: their cameras are used.
+            views: their cameras are used, and which pixels are known: a view says nothing of Gaussians in others.
             valid: views that count.
             near: neighbours.
             lengths: units of length at each Gaussian.
         """
         now = jax.lax.stop_gradient(now)
+        use = seen_by(now.mean, views, valid)[..., None]
         samples = sampled(now, lengths, seen, self.pyramid(seen.images), views)
         state = jnp.concatenate([memory, _own_numbers(now, lengths)], axis=-1)
         said = nnx.gelu(self.view(nnx.gelu(self.view_sample(samples) + self.view_state(state)[None])))
-        memory = self.pool_norm(memory + self.pool(jnp.concatenate([*self._pooled(said, valid), state], axis=-1)))
+        memory = self.pool_norm(memory + self.pool(jnp.concatenate([*self._pooled(said, use), state], axis=-1)))
         memory = self.exchange_norm(memory + self._exchanged(memory, now, near, lengths))
-        return self._change(memory, said, samples[..., ERROR], views, valid), memory
+        return self._change(memory, said, samples[..., ERROR], views, use), memory
 
-    def _pooled(self, said: Float[Array, "view gaussian width"], valid: Bool[Array, "view"]) -> tuple[Array, ...]:
-        use = valid[:, None, None]
+    def _pooled(
+        self, said: Float[Array, "view gaussian width"], use: Bool[Array, "view #gaussian 1"]
+    ) -> tuple[Array, ...]:
         weight = _over_views(self.score(said), use)
         mean = jnp.sum(weight * said, axis=0)
-        peak = jnp.where(jnp.any(valid), jnp.max(jnp.where(use, said, -jnp.inf), axis=0), 0.0)
+        peak = jnp.where(jnp.any(use, axis=0), jnp.max(jnp.where(use, said, -jnp.inf), axis=0), 0.0)
         return mean, peak, jnp.sum(weight * (said - mean[None]) ** 2, axis=0)
 
     def _exchanged(
@@ -124,11 +126,11 @@ class RefineNetwork(nnx.Module):
         said: Float[Array, "view gaussian width"],
         error: Float[Array, "view gaussian 3"],
         views: View,
-        valid: Bool[Array, "view"],
+        use: Bool[Array, "view #gaussian 1"],
     ) -> Update:
         own = jnp.tanh(self.own_head(memory))
         each = self.view_head(said) + self.state_head(memory)[None]
-        weight = _over_views(each[..., 3:4], valid[:, None, None])
+        weight = _over_views(each[..., 3:4], use)
         axes = views.camera.world_from_cam[:, :3, :3]
         return Update(
             shift=own[:, 0:3],
@@ -159,7 +161,7 @@ def _relative(now: Parameters, near: Neighbours, lengths: Lengths) -> Float[Arra
 
 
 def _over_views(
-    score: Float[Array, "view gaussian 1"], use: Bool[Array, "view 1 1"]
+    score: Float[Array, "view gaussian 1"], use: Bool[Array, "view #gaussian 1"]
 ) -> Float[Array, "view gaussian 1"]:
     """Shares of the views that count, 0 for the others; all 0 where none counts."""
     share = jax.nn.softmax(jnp.where(use, score, -1e9), axis=0)

@@ -15,7 +15,7 @@ from aerojax.reconstruct.refine.feedback import feedback, resized
 from aerojax.reconstruct.refine.neighbours import finest_pixel, nearest, spacing
 from aerojax.reconstruct.refine.network import RefineNetwork
 from aerojax.reconstruct.refine.parameters import Parameters, gaussians_of, parameters_of, updated
-from aerojax.reconstruct.refine.sampling import Lengths
+from aerojax.reconstruct.refine.sampling import Lengths, seen_by
 
 
 @pytree_dataclass
@@ -54,7 +54,8 @@ class Refine:
 
 def showing(views: View, valid: Bool[Array, "view"]) -> Bool[Array, "view"]:
     """Views that count and have a silhouette: an empty mask is a failure to segment and says nothing of the object."""
-    return valid & jnp.any(views.mask > 0.5, axis=(1, 2))
+    shown = views.mask > 0.5 if views.known is None else (views.mask > 0.5) & views.known
+    return valid & jnp.any(shown, axis=(1, 2))
 
 
 def refined(
@@ -77,7 +78,8 @@ def refined(
     """
     start = jax.lax.stop_gradient(_only(start, real))
     near = nearest(start.mean, real, config.neighbours)
-    lengths = Lengths(finest_pixel(start.mean, views.camera, valid), spacing(start.mean, near))
+    shown = seen_by(start.mean, views, valid)
+    lengths = Lengths(finest_pixel(start.mean, views.camera, shown), spacing(start.mean, near))
 
     def step(state: tuple[Parameters, Array], _: None) -> tuple[tuple[Parameters, Array], Gaussians]:
         now, memory = state

@@ -8,9 +8,12 @@ import numpy as np
 
 from aerojax.core.types import Gaussians
 from aerojax.gaussians.render import render
+from aerojax.geometry.cameras import project_points
 from aerojax.reconstruct.refine.feedback import CHANGES, feedback, resized
 from aerojax.reconstruct.refine.neighbours import finest_pixel, nearest, spacing
 from aerojax.reconstruct.refine.parameters import turned
+from aerojax.reconstruct.refine.sampling import seen_by
+from tests.support.cut_views import cut_beyond
 from tests.support.hull_views import DISTANCE, HALF_WIDTH
 from tests.support.refined_hulls import sphere_views
 
@@ -88,6 +91,24 @@ def test_views_that_do_not_count_are_silent():
         assert float(jnp.max(jnp.abs(values[1]))) == 0 < float(jnp.max(jnp.abs(values[0])))
 
 
+def test_beyond_an_images_border_nothing_is_said():
+    cut = cut_beyond(VIEWS, 1, 16, colour=5.0, mask=1.0)
+    found, plain = told(blobs(), cut, ALL), told(blobs(), VIEWS, ALL)
+    np.testing.assert_array_equal(found.images[1, :, 16:], 0.0)
+    np.testing.assert_allclose(found.images[1, :, :16], plain.images[1, :, :16], atol=1e-6)
+    for index in (0, 2):
+        np.testing.assert_allclose(found.gradient[index], plain.gradient[index], atol=1e-4)
+    assert bool(jnp.all(jnp.isfinite(found.gradient)))
+    shown = seen_by(blobs().mean, VIEWS, ALL), seen_by(blobs().mean, cut, jnp.array([True, True, False]))
+    np.testing.assert_array_equal(shown[0], [[True]] * 3)
+    columns = project_points(blobs().mean, jax.tree.map(lambda x: x[1], VIEWS.camera))[:, 0]
+    np.testing.assert_array_equal(shown[1], [[True] * 12, columns < 16, [False] * 12])
+    half = resized(cut, 16)  # a pixel of two, one of which is not known, is not
+    assert half.known is not None and half.known[1, :, :8].all() and not half.known[1, :, 8:].any()
+    odd = resized(cut_beyond(VIEWS, 1, 15), 16).known
+    assert odd is not None and odd[1, :, :7].all() and not odd[1, :, 7:].any()
+
+
 def test_neighbours_are_the_nearest_real_ones():
     points = jax.random.normal(jax.random.key(0), (40, 3))
     real = jnp.arange(40) < 30
@@ -111,10 +132,13 @@ def test_few_points_have_few_neighbours():
 def test_the_finest_pixel_is_that_of_the_nearest_camera():
     centre = jnp.zeros((1, 3))
     span = 2 * HALF_WIDTH / VIEWS.camera.width
-    np.testing.assert_allclose(finest_pixel(centre, VIEWS.camera, jnp.ones(3, bool)), [span], rtol=1e-5)
+    np.testing.assert_allclose(finest_pixel(centre, VIEWS.camera, jnp.ones((3, 1), bool)), [span], rtol=1e-5)
     near = VIEWS.camera.world_from_cam.at[1, :3, 3].mul(0.5)
     closer = replace(VIEWS.camera, world_from_cam=near)
-    np.testing.assert_allclose(finest_pixel(centre, closer, jnp.ones(3, bool)), [span / 2], rtol=1e-5)
-    np.testing.assert_allclose(finest_pixel(centre, closer, jnp.array([True, False, True])), [span], rtol=1e-5)
-    assert float(finest_pixel(centre, closer, jnp.zeros(3, bool))[0]) == 1.0
+    np.testing.assert_allclose(finest_pixel(centre, closer, jnp.ones((3, 1), bool)), [span / 2], rtol=1e-5)
+    np.testing.assert_allclose(finest_pixel(centre, closer, jnp.array([[True], [False], [True]])), [span], rtol=1e-5)
+    assert float(finest_pixel(centre, closer, jnp.zeros((3, 1), bool))[0]) == 1.0
+    # Of two points the near view shows the second one alone.
+    both, seen = jnp.zeros((2, 3)), jnp.array([[True, True], [False, True], [True, True]])
+    np.testing.assert_allclose(finest_pixel(both, closer, seen), [span, span / 2], rtol=1e-5)
     assert DISTANCE > 1

@@ -16,6 +16,7 @@ from aerojax.reconstruct.refine.config import RefineConfig
 from aerojax.reconstruct.refine.feedback import resized
 from aerojax.reconstruct.refine.parameters import gaussians_of, parameters_of
 from aerojax.reconstruct.refine.reconstructor import refined
+from tests.support.cut_views import cut_beyond
 from tests.support.hull_views import rig, rod_mask, views_of
 from tests.support.refined_hulls import SMALL, busy, sphere_views
 
@@ -120,6 +121,16 @@ def test_views_that_do_not_count_change_nothing():
     assert largest_difference(distinct_columns(plain), distinct_columns(poisoned)) < 1e-5
     everything, _ = answer(member, views, ALL)
     assert largest_difference(distinct_columns(plain), distinct_columns(everything)) > 1e-2
+
+
+def test_a_cut_view_counts_and_what_lies_beyond_its_border_does_not():
+    views, member = sphere_views(), busy()
+    plain, count = answer(member, cut_beyond(views, 3, 48), ALL)
+    poisoned, same = answer(member, cut_beyond(views, 3, 48, colour=7.0, mask=1.0), ALL)
+    assert 50 < int(count) == int(same)
+    assert largest_difference(distinct_columns(plain), distinct_columns(poisoned)) < 1e-5
+    without, _ = answer(member, cut_beyond(views, 3, 48), jnp.arange(5) != 3)
+    assert largest_difference(distinct_columns(plain), distinct_columns(without)) > 1e-2
 
 
 @pytest.mark.parametrize("mask", ["empty", "elsewhere", "everything"])
