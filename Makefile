@@ -4,8 +4,11 @@ VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
 CLIENTS := $(VENV)/.clients
+SITE_TOOLS := $(VENV)/.site_tools
+DEMO := runs/demo
+AEROJAX := cd $(DEMO) && $(abspath $(VENV))/bin/aerojax
 
-.PHONY: run test test-all test-fast check bench docs wheel venv clients format clean
+.PHONY: run demo test test-all test-fast check bench docs docs-site pictures wheel venv clients site-tools format clean
 
 venv: $(STAMP)
 
@@ -24,19 +27,46 @@ $(CLIENTS): $(STAMP) requirements.clients.lock
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.clients.lock
 	@touch $(CLIENTS)
 
+site-tools: $(SITE_TOOLS)
+
+$(SITE_TOOLS): $(STAMP) requirements.docs.lock
+	@echo "installing what builds the documentation"
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.docs.lock
+	@touch $(SITE_TOOLS)
+
 run: venv
 	$(PY) -m experiments.classify
 
-test: clients
+# The whole chain on little data. Each step leaves its last file when it is done, and is not done again while that is there.
+demo: $(DEMO)/classify/report.html
+	@echo "the report: $(DEMO)/classify/report.html (delete $(DEMO) to do everything again)"
+
+$(DEMO)/generate/metrics.json: | venv
+	@mkdir -p $(DEMO)
+	$(AEROJAX) generate_dataset preset=smoke rig=random hydra.run.dir=generate
+
+$(DEMO)/reconstruct/metrics.json: $(DEMO)/generate/metrics.json
+	$(AEROJAX) reconstruct_dataset preset=smoke hydra.run.dir=reconstruct
+
+$(DEMO)/train/metrics.json: $(DEMO)/reconstruct/metrics.json
+	$(AEROJAX) train_classifier preset=smoke hydra.run.dir=train
+
+$(DEMO)/evaluate/results.json: $(DEMO)/train/metrics.json
+	$(AEROJAX) measure_accuracy preset=smoke weights=train/weights.safetensors hydra.run.dir=evaluate
+
+$(DEMO)/classify/report.html: $(DEMO)/evaluate/results.json
+	$(AEROJAX) classify preset=smoke weights=train/weights.safetensors hydra.run.dir=classify
+
+test: clients site-tools
 	$(PY) -m pytest -n auto --dist loadfile -m "not long"
 
-test-all: clients
+test-all: clients site-tools
 	$(PY) -m pytest -n auto --dist loadfile
 
-test-fast: clients
+test-fast: clients site-tools
 	$(PY) -m pytest -n auto --dist loadfile -m "not slow and not long"
 
-check: venv
+check: site-tools
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/pyrefly check
@@ -49,6 +79,13 @@ format: venv
 docs: venv
 	$(PY) docs/make_api.py
 	$(PY) docs/make_results.py
+
+docs-site: site-tools
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
+	@echo "the site: build/site/index.html"
+
+pictures: venv
+	$(PY) docs/make_pictures.py
 
 wheel: venv
 	$(PY) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
