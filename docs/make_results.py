@@ -1,4 +1,4 @@
-"""Write docs/results.md and the results in README.md: templates whose every figure is looked up in results/*.json.
+"""Write docs/results.md, docs/limits.md and the results in README.md: templates filled with figures of results/*.json.
 
     make docs
 
@@ -23,7 +23,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 TEMPLATES = DOCS / "templates"
-PAGE = DOCS / "results.md"
+PAGES = "results.md", "limits.md"
 README = ROOT / "README.md"
 BEGIN, END = "<!-- results: made by `make docs` from docs/templates/readme.md -->", "<!-- end of results -->"
 WIDTH = 120
@@ -99,16 +99,11 @@ def filled(template: str) -> str:
 def made(name: str) -> str:
     """A template filled, with even lines."""
     blocks = filled((TEMPLATES / name).read_text(encoding="utf-8")).strip().split("\n\n")
-    return "\n\n".join(block if block.startswith(("#", "|")) else _even(block) for block in blocks) + "\n"
+    return "\n\n".join(block if block.startswith(("#", "|", "- ")) else _even(block) for block in blocks) + "\n"
 
 
 def _even(paragraph: str) -> str:
     return textwrap.fill(" ".join(paragraph.split()), WIDTH, break_long_words=False, break_on_hyphens=False)
-
-
-def page() -> str:
-    """docs/results.md."""
-    return made("results.md")
 
 
 def readme(text: str) -> str:
@@ -167,6 +162,66 @@ def _spread(figure: dict[str, float | None]) -> str:
     """Mean and deviation over seeds, in %."""
     mean, std = figure["mean"], figure["std"]
     return "" if mean is None else f"{100 * mean:.1f}" + ("" if std is None else f" ± {100 * std:.1f}")
+
+
+FAULTS = {
+    "calibration_deg": ("cameras turned, °", "more"),
+    "clock_ms": ("clocks apart, ms", "more"),
+    "mask_growth": ("masks dilated, pixels", "more"),
+    "mask_erosion": ("masks eroded, pixels", "more"),
+    "cameras": ("cameras", "fewer"),
+    "width_px": ("width of the object, pixels", "fewer"),
+    "distance_m": ("distance at the same width, m", "more"),
+}
+"""Names of the faults that measure_robustness varies, and which way is worse."""
+LOSS = 0.05
+"""Accuracy that a tolerated level may lose: one clip in twenty."""
+
+
+def _levels(fault: str) -> list[dict[str, Any]]:
+    """Rows of a fault from its mildest level on; erosion is growth below zero."""
+    rows, factor = load("measure_robustness_small")["rows"], fault.replace("erosion", "growth")
+    found = [{**row, "value": abs(row["value"])} for row in rows if row["factor"] == factor and _side(fault, row)]
+    return sorted(found, key=lambda row: row["value"], reverse=FAULTS[fault][1] == "fewer")
+
+
+def _side(fault: str, row: dict[str, Any]) -> bool:
+    return {"mask_growth": row["value"] >= 0, "mask_erosion": row["value"] <= 0}.get(fault, True)
+
+
+def tolerances() -> str:
+    """The last level of each fault that costs little, and the first that costs more."""
+    rows = []
+    for fault, (name, _) in FAULTS.items():
+        levels = _levels(fault)
+        beyond = next((i for i, row in enumerate(levels) if row["difference"] < -LOSS), len(levels))
+
+        def said(place: int, levels: list[dict[str, Any]] = levels) -> str:
+            row = levels[place]
+            return f"{row['value']:g} ({percent(row['accuracy'])})"
+
+        tried = f"{levels[0]['value']:g} to {levels[-1]['value']:g}"
+        rows.append([name, tried, said(beyond - 1), said(beyond) if beyond < len(levels) else "none tried"])
+    return markdown(["what", "tried", "little is lost up to", "more is lost at"], rows)
+
+
+def _groups(key: str, unit: str) -> str:
+    """Accuracy on rendered sequences by how large or far the object is."""
+    rows = []
+    for row in load("measure_accuracy_small")[key]:
+        span = f"above {row['low']:g} {unit}" if row["high"] is None else f"{row['low']:g} to {row['high']:g} {unit}"
+        rows.append([span, row["clips"], row["missing"], percent(row["accuracy"]), _between(*row["interval_95"])])
+    return markdown(["width" if unit == "pixels" else "distance", "sequences", "without a clip", "right", "95 %"], rows)
+
+
+def widths() -> str:
+    """By width in pixels."""
+    return _groups("width_px", "pixels")
+
+
+def ranges() -> str:
+    """By distance."""
+    return _groups("distance_m", "m")
 
 
 def features() -> str:
@@ -350,6 +405,9 @@ TABLES: dict[str, Callable[[], str]] = {
     for function in (
         accuracy,
         confusion,
+        tolerances,
+        widths,
+        ranges,
         features,
         steps,
         ensembles,
@@ -366,6 +424,7 @@ TABLES: dict[str, Callable[[], str]] = {
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    for name in PAGES:
+        (DOCS / name).write_text(made(name), encoding="utf-8")
     README.write_text(readme(README.read_text(encoding="utf-8")), encoding="utf-8")
-    print(PAGE, README, sep="\n")
+    print(*(DOCS / name for name in PAGES), README, sep="\n")
