@@ -1,18 +1,23 @@
-"""The page of the Python interface says what the docstrings say; results and README what results/ say."""
+"""The page of the interface says what the docstrings say, results and limits what results/ say; the site builds."""
 
 from __future__ import annotations
 
 import ast
 import importlib.util
+import os
 import re
-from pathlib import Path
+import shlex
+import subprocess
+import sys
 from types import ModuleType
 
 import pytest
+from support.act_configs import config_of, values_of
+from support.pages import DOCS, ROOT, fenced
 
 import aerojax
-
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+from aerojax.core.config import to_dataclass
+from experiments._launch.arguments import with_keys, with_quotes
 
 
 def script(name: str) -> ModuleType:
@@ -58,14 +63,15 @@ def test_a_name_that_moved_is_an_error(maker):
 
 
 def test_the_results_are_current(results):
-    """Every figure on the page and in README is looked up again."""
-    assert results.PAGE.read_text(encoding="utf-8") == results.page(), "run `make docs`"
+    """Every figure on the pages and in README is looked up again."""
+    for name in results.PAGES:
+        assert (DOCS / name).read_text(encoding="utf-8") == results.made(name), f"{name}: run `make docs`"
     written = results.README.read_text(encoding="utf-8")
     assert results.BEGIN in written and results.readme(written) == written, "run `make docs`"
 
 
 def test_every_file_of_results_has_its_row(results):
-    page = results.page()
+    page = results.made("results.md")
     names = [path.name for path in (results.ROOT / "results").glob("*.json")]
     assert names and all(f"| `{name}` | `" in page for name in names)
 
@@ -74,7 +80,7 @@ FIGURE = re.compile(r"\d[\d.,]*\s?(%|dB\b|times\b|images/s|MB\b|points?\b)|·10[
 """What is measured, and so must be looked up."""
 
 
-@pytest.mark.parametrize("name", ["results.md", "readme.md"])
+@pytest.mark.parametrize("name", ["results.md", "limits.md", "readme.md"])
 def test_templates_hold_no_figures_of_their_own(results, name):
     text = results.PLACE.sub("", (results.TEMPLATES / name).read_text()).replace("95 % interval", "")
     assert not FIGURE.search(text), FIGURE.search(text)
@@ -102,8 +108,67 @@ def test_formats_of_figures(results):
     assert results.formatted(3200, ",") == "3,200" and results.formatted("views", "") == "views"
 
 
-@pytest.mark.parametrize("page", ["README.md", *(f"docs/{name}.md" for name in ("results", "capture", "data_set"))])
-def test_links_lead_somewhere(page):
-    path = DOCS.parent / page
+def test_the_last_tolerated_level_is_the_one_before_the_first_loss(results, monkeypatch):
+    rows = [
+        {"factor": factor, "value": value, "accuracy": 0.9 - loss, "difference": -loss}
+        for factor, *levels in (
+            ("calibration_deg", (0.0, 0.0), (0.3, 0.04), (1.0, 0.2)),
+            ("clock_ms", (0.0, 0.0), (33.0, 0.01)),
+            ("mask_growth", (-2.0, 0.3), (-1.0, 0.0), (0.0, 0.0), (1.0, 0.01)),
+            ("cameras", (8.0, 0.0), (3.0, 0.1)),
+            ("width_px", (8.0, 0.3), (80.0, 0.0)),
+            ("distance_m", (16.0, 0.0), (280.0, 0.0)),
+        )
+        for value, loss in levels
+    ]
+    monkeypatch.setattr(results, "load", lambda name: {"rows": rows})
+    lines = dict(line.strip("| ").split(" | ", 1) for line in results.tolerances().splitlines()[2:])
+    assert lines["cameras turned, °"] == "0 to 1 | 0.3 (86.0 %) | 1 (70.0 %)"
+    assert lines["masks eroded, pixels"] == "0 to 2 | 1 (90.0 %) | 2 (60.0 %)"
+    assert lines["masks dilated, pixels"] == "0 to 1 | 1 (89.0 %) | none tried"
+    assert lines["cameras"] == "8 to 3 | 8 (90.0 %) | 3 (80.0 %)"
+    assert lines["width of the object, pixels"] == "80 to 8 | 80 (90.0 %) | 8 (60.0 %)"
+
+
+# Pages
+
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_links_lead_somewhere(path):
     targets = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text(encoding="utf-8"))
     assert all((path.parent / target).exists() for target in targets), targets
+
+
+def commands() -> list[list[str]]:
+    """Every command of the pages that starts an act, without what its line says of it."""
+    lines = [line for path in PAGES for block in fenced(path, "sh", "") for line in block.splitlines()]
+    found = [re.fullmatch(r"(?:\.venv/bin/)?(?:python -m experiments\.|aerojax )(\w+.*)", line) for line in lines]
+    return [shlex.split(one[1], comments=True) for one in found if one]
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_commands_are_understood(words):
+    """Acts, keys and values of the pages' commands are those that there are."""
+    act, *given = words
+    multirun = "-m" in given
+    values = with_keys([word for word in given if word != "-m"], config_of(act))
+    if multirun:  # values of a sweep are composed one at a time
+        values = [re.sub(r"=range\(.*\)$", "=0", value) for value in values if not value.startswith("hydra/")]
+    to_dataclass(values_of(act, *with_quotes(values, config_of(act))), config_of(act))
+
+
+def test_the_site_builds_without_a_warning(tmp_path):
+    if importlib.util.find_spec("material") is None:
+        pytest.skip("mkdocs-material is not installed; it comes with the extra `docs`, or with `make site-tools`")
+    build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(
+        build, cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True
+    )
+    assert done.returncode == 0 and "WARNING" not in done.stderr, done.stderr
+    made = {path.name for path in (tmp_path / "site").iterdir()}
+    assert {f"{path.stem}.html" for path in DOCS.glob("*.md")} <= made and "templates" not in made
+    page = (tmp_path / "site/index.html").read_text(encoding="utf-8")
+    fetched = re.findall(r'(?:src|href)="(https?://[^"]+)"', page)
+    assert not fetched, fetched
