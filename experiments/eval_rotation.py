@@ -87,7 +87,7 @@ def _measure(config: Config, path: Path | None) -> tuple[dict[str, Any], Windows
     return figures | figures_of(answers, test, config), test, answers
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a protocol."""
     console = Console()

@@ -95,7 +95,7 @@ def _table(figures: Mapping[str, Any]) -> Table:
     return table
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a group."""
     if not config.tests:

@@ -99,7 +99,7 @@ def measure(config: Config) -> dict[str, Any]:
     return results
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print one line a classifier."""
     results = measure(config)

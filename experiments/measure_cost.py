@@ -65,7 +65,7 @@ def _row(config: Config, made: MambaSplatConfig, size: Size) -> dict[str, Any]:
     return {**sizes, **counts, **program_cost(MambaSplat.__call__, (model, *arguments), repeats=config.repeats)}
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a member, and one a variant, mode and size of MambaSplat."""
     table = Table("variant", "mode", "T", "N", "parameters", "GFLOP", "ms", "GFLOP/s", "working MB", "peak MB")

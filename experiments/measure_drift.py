@@ -100,7 +100,7 @@ def _table(results: dict[str, dict[str, Any]]) -> Table:
     return table
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a model."""
     console, windows, results = Console(), _clips(config), {}

@@ -64,7 +64,7 @@ def _rows(config: Config, answers: dict[str, AnsweredClips]) -> list[dict[str, A
     return robustness_rows(answers[BASE], levels, seed=config.seed, draws=config.draws)
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Make the clips that are missing, ask, and write results.json, table.md and curves.svg."""
     classifier, console = load_classifier(config.weights), Console()

@@ -89,7 +89,7 @@ def show(figures: dict[str, Any], console: Console) -> None:
     console.print(f"largest change of a probability over {figures['compared']} passes: {figures['drift']:.1e}")
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row for every tenth of the stream."""
     classifier = _classifier(config)

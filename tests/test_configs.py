@@ -57,6 +57,13 @@ def test_no_group_has_the_name_of_a_field():
         assert fields & groups <= used | {"preset"}, f"{name}: {sorted(fields & groups)}"
 
 
+def test_sweeps_of_trainings_and_measurements_skip_finished_runs():
+    """`measure_kills` alone writes what it knows after each kill."""
+    wanted = [name for name in NAMES if name.startswith(("train_", "eval_", "compare_", "measure_"))]
+    sources = {name: (ROOT / "experiments" / f"{name}.py").read_text() for name in wanted}
+    assert [name for name in wanted if "finished_by=" not in sources[name]] == ["measure_kills"]
+
+
 def test_every_experiment_has_a_config():
     acts = {p.stem for p in (ROOT / "experiments").glob("*.py") if "\n@experiment(" in p.read_text()}
     assert acts == set(NAMES)
