@@ -52,6 +52,7 @@ $(DEMO)/train/metrics.json: $(DEMO)/reconstruct/metrics.json
 	$(AEROJAX) train_classifier preset=smoke hydra.run.dir=train
 
 $(DEMO)/evaluate/results.json: $(DEMO)/train/metrics.json
+	@rm -f $@  # of weights of before
 	$(AEROJAX) measure_accuracy preset=smoke weights=train/weights.safetensors hydra.run.dir=evaluate
 
 $(DEMO)/classify/report.html: $(DEMO)/evaluate/results.json

@@ -8,12 +8,16 @@ import os
 import shutil
 import subprocess
 import sys
+import venv
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
+from support.pages import ROOT, fenced
 
-ROOT = Path(__file__).resolve().parents[2]
+import aerojax as library
+
 FOLDERS = ("aerojax", "kernels", "experiments", "conf")
 FILES = ("setup.py", "pyproject.toml", "README.md", "LICENSE")
 PIP = (sys.executable, "-m", "pip", "--disable-pip-version-check")
@@ -145,3 +149,52 @@ def test_the_installed_command_classifies_a_sample(installed, tmp_path):
     assert sum(result["probabilities"].values()) == pytest.approx(1, abs=1e-5)
     assert (run / "report.html").is_file() and (tmp_path / "data/samples").is_dir()
     assert json.loads((run / "run.json").read_text())["commit"] is None
+
+
+# An environment that has nothing but the wheel and what it asks for
+
+
+def outside(program: Path, cwd: Path, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a program as a user does who has no checkout."""
+    named = ("PYTHONPATH", "PYTHONHOME", "PYTHONSAFEPATH", "VIRTUAL_ENV")
+    environment = {key: value for key, value in os.environ.items() if key not in named}
+    command = [program, *arguments]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def elsewhere(wheel, tmp_path_factory) -> Path:
+    """The programs of a fresh environment; its packages are those that the wheel asks for, in the locked versions."""
+    place = tmp_path_factory.mktemp("clean")
+    venv.create(place / "env", with_pip=True)
+    programs = place / "env/bin"
+    locked = ("--constraint", ROOT / "requirements.lock")
+    install = ("-m", "pip", "install", "--quiet", "--disable-pip-version-check")
+    done = outside(programs / "python", place, *install, *locked, wheel)
+    if done.returncode and "Failed to establish a new connection" in done.stderr:
+        pytest.skip("the packages that the wheel asks for can not be fetched here")
+    assert done.returncode == 0, done.stderr[-3000:]
+    return programs
+
+
+@needs_setuptools
+@pytest.mark.long
+def test_a_clean_environment_elsewhere_does_the_quick_start_and_exports_gaussians(elsewhere, tmp_path):
+    done = outside(elsewhere / "aerojax", tmp_path, "classify", "preset=smoke")
+    assert done.returncode == 0, done.stderr[-3000:]
+    (capture,) = (tmp_path / "data/samples").iterdir()
+    done = outside(elsewhere / "aerojax", tmp_path, "classify", capture, "export=[ply]", "hydra.run.dir=taken")
+    assert done.returncode == 0, done.stderr[-3000:]
+    result = json.loads((tmp_path / "taken/result.json").read_text())
+    assert result["status"] in ("ok", "unsure") and (tmp_path / "taken/report.html").is_file()
+    files = sorted((tmp_path / "taken/export/ply").iterdir())
+    assert [path.name for path in files] == [f"frame_{number:06d}.ply" for number in result["frames"]]
+    for path, row in zip(files, result["track"], strict=True):
+        gaussians, origin = library.read_placed_ply(path)
+        assert gaussians.mean.shape == (1024, 3)
+        assert np.linalg.norm(origin + np.asarray(gaussians.mean).mean(axis=0) - row["position"]) < 0.5
+
+    (tmp_path / "capture").symlink_to(capture)
+    (code,) = fenced(ROOT / "README.md", "python")
+    done = outside(elsewhere / "python", tmp_path, "-c", code)
+    assert done.returncode == 0, done.stderr[-3000:]
