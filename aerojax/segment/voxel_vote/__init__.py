@@ -1,0 +1,1 @@
+"""Masks without annotation: what moves in the images and meets in space (thesis, Appendix C)."""

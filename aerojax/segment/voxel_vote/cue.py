@@ -1,0 +1,97 @@
+"""Motion cue of one camera: how sure each pixel is that something moves there (thesis C.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float32
+
+from aerojax.geometry.boxes import tight_box
+from aerojax.segment.voxel_vote.background import Difference, grey
+from aerojax.segment.voxel_vote.cluster import Region
+
+ACROSS = 7
+"""Pixels along a side of the neighbourhoods whose texture is compared."""
+TEXTURE = 0.01
+"""Standard deviation of a neighbourhood, grey, from which on it has a texture to recognise."""
+FEWEST_PIXELS = 12
+"""Of a region that is compared with its background as a whole."""
+
+
+@dataclass(frozen=True)
+class CueConfig:
+    """From a difference to a weight.
+
+    deviations: of a pixel, at which its weight leaves 0 and reaches 1.
+    least: difference, sRGB, at which the weight reaches 1; from half of it on it counts.
+    alike: correlation with the background, from which on a neighbourhood is background in other light: a cast shadow,
+        the shadow of a cloud.
+    """
+
+    deviations: tuple[float, float] = (3.0, 6.0)
+    least: float = 0.03
+    alike: float = 0.8
+
+
+def motion_weight(
+    image: Float32[np.ndarray, "height width 3"], seen: Difference, config: CueConfig
+) -> Float32[np.ndarray, "height width"]:
+    """Weight of each pixel, 0..1: a ramp of its difference in deviations and in brightness, none for mere light."""
+    size = cv2.GaussianBlur(seen.size, (0, 0), 0.6)
+    low, high = config.deviations
+    weight = _ramp(size / seen.deviation, low, high) * _ramp(size, config.least / 2, config.least)
+    box = tight_box(weight > 0)
+    if box is not None:
+        x0, y0, x1, y1 = map(int, box)
+        window = np.s_[max(y0 - ACROSS, 0) : y1 + ACROSS, max(x0 - ACROSS, 0) : x1 + ACROSS]
+        still = np.ascontiguousarray(seen.predicted[window])
+        weight[window] *= 1 - _light(grey(np.ascontiguousarray(image[window])), grey(still), config.alike)
+    return weight
+
+
+def _ramp(value: Float32[np.ndarray, "height width"], low: float, high: float) -> Float32[np.ndarray, "height width"]:
+    return np.clip((value - np.float32(low)) * np.float32(1 / (high - low)), 0, 1)
+
+
+def _light(
+    image: Float32[np.ndarray, "height width"], predicted: Float32[np.ndarray, "height width"], alike: float
+) -> Float32[np.ndarray, "height width"]:
+    """Where the background's own texture shows through, 0..1.
+
+    Normalised cross-correlation of 7×7 neighbourhoods (Jacques, Jung & Musse 2005). Where the background has no
+    texture nothing shows, and what differs is an object.
+    """
+    mean_a, mean_b = _mean(image), _mean(predicted)
+    var_a, var_b = _mean(image * image) - mean_a * mean_a, _mean(predicted * predicted) - mean_b * mean_b
+    both = (_mean(image * predicted) - mean_a * mean_b) / np.sqrt(cv2.max(var_a * var_b, 1e-12))
+    return np.where(var_b > TEXTURE**2, _ramp(both, alike, (1 + alike) / 2), np.float32(0))
+
+
+def _mean(image: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "height width"]:
+    return cv2.blur(image, (ACROSS, ACROSS))
+
+
+def unlike_background(
+    image: Float32[np.ndarray, "height width 3"],
+    seen: Difference,
+    weight: Float32[np.ndarray, "height width"],
+    region: Region,
+) -> float | None:
+    """How badly a gain explains a region's changed pixels: 0 for background in other light, about 1 for an object.
+
+    The median absolute residual of image = gain · background, with the median gain, over the same deviation of
+    gain · background; an outline that blurs both does not count.
+
+    Returns:
+        None where the background has no texture to recognise, or too few pixels changed.
+    """
+    changed = (weight[region.window] > 0.5) & region.inside
+    if np.count_nonzero(changed) < FEWEST_PIXELS:
+        return None
+    a, b = (grey(np.ascontiguousarray(one[region.window]))[changed] for one in (image, seen.predicted))
+    gain = float(np.median(a / np.maximum(b, 1e-3)))
+    b = gain * b
+    texture = float(np.median(np.abs(b - np.median(b))))
+    return float(np.median(np.abs(a - b))) / texture if 1.5 * texture > TEXTURE * gain else None

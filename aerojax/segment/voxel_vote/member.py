@@ -1,0 +1,211 @@
+"""The member `voxel_vote`: objects are what moves in the images of several cameras at one place in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float32, UInt8
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.core.types import FrameSet, Silhouette
+from aerojax.segment.base import Preview, SegmenterConfig
+from aerojax.segment.silhouettes import silhouette_of
+from aerojax.segment.voxel_vote.background import (
+    EVERY,
+    Background,
+    BackgroundConfig,
+    Difference,
+    after,
+    difference_of,
+    followed,
+    learnt,
+)
+from aerojax.segment.voxel_vote.cluster import Candidate, candidates
+from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
+from aerojax.segment.voxel_vote.objects import Known, ObjectsConfig, linked
+from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, widened
+from aerojax.segment.voxel_vote.volume import Volume, monitored_volume
+from aerojax.segment.voxel_vote.vote import VoteConfig, vote
+
+PREVIEWED = 15
+"""Images whose median is the background."""
+KEPT_OF = 3
+"""Of the frames before a background is known one in so many is kept."""
+AROUND = 4
+"""Pixels about an object that are no background either."""
+CHANGES = 0.02
+"""Change of a pixel since the last frame, grey, at least."""
+FEWEST_CHANGED = 3
+"""Pixels of an image in which an object changes."""
+UNLIKE = 0.6
+"""Share of its background's texture that light leaves unexplained in a place's image, from which on it is an object."""
+
+
+@dataclass(frozen=True)
+class VoxelVoteConfig(SegmenterConfig):
+    """What moves at one place in the images of several cameras (thesis, Appendix C); masks are not looked at.
+
+    background: what a camera sees where nothing moves. cue: from differences to weights. vote: where the rays meet.
+    masks: from voxels to pixels. objects: who is believed.
+    """
+
+    name: Literal["voxel_vote"] = "voxel_vote"
+    background: BackgroundConfig = field(default_factory=BackgroundConfig)
+    cue: CueConfig = field(default_factory=CueConfig)
+    vote: VoteConfig = field(default_factory=VoteConfig)
+    masks: MaskConfig = field(default_factory=MaskConfig)
+    objects: ObjectsConfig = field(default_factory=ObjectsConfig)
+
+    def build(self, object_id: int | None) -> VoxelVoteSegmenter:
+        """The member; it numbers objects itself, whatever the masks call them."""
+        return VoxelVoteSegmenter(self)
+
+
+@dataclass(frozen=True, eq=False)
+class CameraState:
+    """One camera.
+
+    background: None before it is known. images: that it will be learnt from. seen: frames so far.
+    """
+
+    background: Background | None = None
+    images: tuple[UInt8[np.ndarray, "height width 3"], ...] = ()
+    seen: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelVoteState:
+    """volume: that the cameras monitor. cameras: what is known of each. objects: of the last frames. numbers: given."""
+
+    volume: Volume
+    cameras: tuple[CameraState, ...]
+    objects: tuple[Known, ...] = ()
+    numbers: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class _Moving:
+    """One image: its difference from the background, and the weight of what moves."""
+
+    image: Float32[np.ndarray, "height width 3"]
+    seen: Difference
+    weight: Float32[np.ndarray, "height width"]
+
+
+@dataclass(frozen=True)
+class VoxelVoteSegmenter:
+    """Objects of several cameras at once: equal numbers in two cameras are one object."""
+
+    config: VoxelVoteConfig
+
+    def initial(self, cameras: Sequence[CaptureCamera], preview: Preview | None = None) -> VoxelVoteState:
+        """Backgrounds from the preview; without one they are learnt from the first frames, which show nothing."""
+        volume = monitored_volume(cameras, reach=self.config.vote.reach)
+        empty = (CameraState(),) * len(cameras)
+        if preview is None:
+            return VoxelVoteState(volume, empty)
+        images: list[list[np.ndarray]] = [[] for _ in cameras]
+        for frames in preview(PREVIEWED, rgb=True, ids=False):
+            for kept, image in zip(images, frames.rgb, strict=True):
+                if image is not None:
+                    kept.append(_bytes(image))
+        learn = self.config.background
+        known = tuple(CameraState(learnt(one, learn)) if one else CameraState() for one in images)
+        return VoxelVoteState(volume, known)
+
+    def step(self, frames: FrameSet, state: VoxelVoteState) -> tuple[list[Silhouette], VoxelVoteState]:
+        """Silhouettes of all objects that are believed, best known first, and the next state."""
+        config = self.config
+        moving = [self._moving(image, one) for image, one in zip(frames.rgb, state.cameras, strict=True)]
+        weights = [None if one is None else one.weight for one in moving]
+        found = candidates(vote(state.volume, weights, config.vote), state.volume.cameras, weights, config.vote)
+        found = [one for one in found if not _is_light(one, moving)]
+        changing = [_changes(one, moving) for one in found]
+        now, lost = linked(state.objects, found, changing, frames.time_s, state.numbers, config.objects)
+        numbers = max([state.numbers, *(one.number for one in now)])
+        lasting = [one.still is not None and one.still <= config.objects.still_after for one in now]
+        pairs = [(o, c) for o, c, lasts in zip(now, found, lasting, strict=True) if lasts]
+        cameras = tuple(
+            self._next(index, image, one, known, [candidate for _, candidate in pairs])
+            for index, (image, one, known) in enumerate(zip(frames.rgb, moving, state.cameras, strict=True))
+        )
+        believed = sorted((pair for pair in pairs if pair[0].believed), key=lambda pair: -pair[0].found)
+        masks = [self._silhouettes(one.number, candidate, moving) for one, candidate in believed]
+        after_this = VoxelVoteState(state.volume, cameras, (*now, *lost), numbers)
+        return [one for many in masks for one in many], after_this
+
+    def _moving(self, image: Float32[np.ndarray, "height width 3"] | None, known: CameraState) -> _Moving | None:
+        if image is None or known.background is None:
+            return None
+        seen = difference_of(image, known.background, self.config.background)
+        return _Moving(image, seen, motion_weight(image, seen, self.config.cue))
+
+    def _next(
+        self,
+        camera: int,
+        image: Float32[np.ndarray, "height width 3"] | None,
+        moving: _Moving | None,
+        known: CameraState,
+        objects: Sequence[Candidate],
+    ) -> CameraState:
+        """What is known of a camera after this frame."""
+        if image is None:
+            return known
+        if moving is None or known.background is None:
+            return self._warmed_up(image, known)
+        background, seen = followed(image, moving.seen, known.background), known.seen + 1
+        if (seen + camera) % EVERY:
+            return CameraState(background, seen=seen)
+        covered = np.zeros(moving.weight.shape, bool)
+        for one in objects:
+            region = one.regions[camera]
+            if region is not None:
+                wide = widened(region, covered.shape, AROUND)
+                covered[wide.window] |= wide.inside
+        return CameraState(after(image, moving.seen, background, covered, self.config.background), seen=seen)
+
+    def _warmed_up(self, image: Float32[np.ndarray, "height width 3"], known: CameraState) -> CameraState:
+        images = (*known.images, _bytes(image)) if known.seen % KEPT_OF == 0 else known.images
+        if known.seen + 1 < self.config.background.warm_up:
+            return CameraState(None, images, known.seen + 1)
+        return CameraState(learnt(images, self.config.background))
+
+    def _silhouettes(self, number: int, one: Candidate, moving: Sequence[_Moving | None]) -> list[Silhouette]:
+        """One object's silhouettes in all cameras that show it."""
+        found = []
+        for camera, (region, cue) in enumerate(zip(one.regions, moving, strict=True)):
+            if region is not None and cue is not None:
+                coverage = coverage_of(region, cue.seen, cue.weight, self.config.masks)
+                found.append(silhouette_of(camera, number, coverage))
+        return [one for one in found if one is not None]
+
+
+def _changes(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
+    """Whether at least two cameras see it change since the last frame; so it is believed where there was none."""
+    changed = []
+    for region, cue in zip(one.regions, moving, strict=True):
+        if region is None or cue is None:
+            continue
+        recent = cue.seen.recent
+        if recent is None:
+            changed.append(True)
+            continue
+        window = region.window
+        moved = (recent[window] > np.maximum(CHANGES, 3 * cue.seen.deviation[window])) & region.inside
+        changed.append(int(np.count_nonzero(moved)) >= FEWEST_CHANGED)
+    return sum(changed) >= 2
+
+
+def _is_light(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
+    """Whether most cameras see the background itself there, in other light: a cast shadow meets on the ground."""
+    pairs = [(r, cue) for r, cue in zip(one.regions, moving, strict=True) if r is not None and cue is not None]
+    said = [unlike_background(cue.image, cue.seen, cue.weight, region) for region, cue in pairs]
+    said = [unlike for unlike in said if unlike is not None]
+    return bool(said) and float(np.median(said)) < UNLIKE
+
+
+def _bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+    return np.round(255 * image).astype(np.uint8)

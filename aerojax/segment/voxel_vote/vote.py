@@ -1,0 +1,185 @@
+"""Voxels on which the rays of changed pixels meet: a search from coarse to fine (thesis C.3).
+
+A voxel has a camera's vote where its projection holds weight. It is divided as long as enough of the cameras that see
+it vote for it; what no number of cameras agrees on ends after a few divisions, and empty space costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int
+
+from aerojax.segment.voxel_vote.volume import FEWEST_VIEWS, Volume, seen_by
+
+SHARE = 0.7
+"""Of the cameras that see a place, so many must agree, rounded up: 3 of 3 and 4, 4 of 5, 5 of 6 and 7, 6 of 8."""
+MOST_LEVELS = 24
+"""Divisions, at most: 10 km to a millimetre."""
+SOLID = 0.95
+"""Share of a voxel's projection that has weight where it is not divided: it lies inside of an object."""
+LEAVES = 200
+"""Smallest voxels along an image's width, at most: an object of a quarter of it is then tens of thousands of them."""
+FINEST = 640
+"""Columns of blocks in which weights are summed, at least: three for every smallest voxel."""
+LEAF_RADIUS = 1.2
+"""Of the ball whose square stands for a smallest voxel's projection, in half sides."""
+_CHILDREN = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
+
+
+@dataclass(frozen=True)
+class VoteConfig:
+    """What a consensus is.
+
+    views: cameras that must agree; 0 takes `SHARE` of those that see the place, at least three where there are three.
+    least_px: weight of a camera's vote, pixels.
+    leaf_px: side of the smallest voxels, pixels; in wide images a `LEAVES`th of the width if that is more.
+    reach: see `monitored_volume`.
+    most_voxels: of one size; of more, those with the most votes are kept.
+    """
+
+    views: int = 0
+    least_px: float = 2.0
+    leaf_px: float = 6.0
+    reach: float = 20.0
+    most_voxels: int = 40_000
+
+
+@dataclass(frozen=True, eq=False)
+class Voxels:
+    """Cubes that enough cameras vote for.
+
+    centres, half: metres, in the frame of the cameras. votes: weight of each camera, pixels. seen: by which cameras.
+    """
+
+    centres: Float64[np.ndarray, "voxel 3"]
+    half: Float64[np.ndarray, "voxel"]
+    votes: Float64[np.ndarray, "camera voxel"]
+    seen: Bool[np.ndarray, "camera voxel"]
+
+    def __getitem__(self, kept: np.ndarray) -> Voxels:
+        """Some of them, by index or mask."""
+        return Voxels(self.centres[kept], self.half[kept], self.votes[:, kept], self.seen[:, kept])
+
+
+def needed_views(seen: Int[np.ndarray, "*place"], config: VoteConfig) -> Int[np.ndarray, "*place"]:
+    """How many of the cameras that see a place must agree."""
+    if config.views:
+        return np.full_like(seen, config.views)
+    return np.maximum(np.minimum(seen, FEWEST_VIEWS), np.ceil(SHARE * seen - 1e-9).astype(seen.dtype))
+
+
+def vote(volume: Volume, weights: Sequence[Float32[np.ndarray, "height width"] | None], config: VoteConfig) -> Voxels:
+    """The smallest voxels on which enough cameras agree.
+
+    Args:
+        weights: of each camera's pixels, 0..1; None for a camera that recorded nothing.
+    """
+    sums = [None if weight is None else _sums(weight) for weight in weights]
+    fewest = min(FEWEST_VIEWS, sum(one is not None for one in sums))
+    leaves: list[Voxels] = []
+    centres, half = volume.centres, volume.half
+    for _ in range(MOST_LEVELS):
+        found, leaf, solid = _polled(volume, sums, centres, half, config)
+        inner = _agreed(found, config, fewest)
+        kept, leaf, solid = found[inner], leaf[inner], solid[inner]
+        leaves.append(kept[leaf | solid])
+        centres = _strongest(kept[~(leaf | solid)], config.most_voxels // 8).centres
+        if not len(centres):
+            break
+        half /= 2
+        centres = (centres[:, None] + half * _CHILDREN).reshape(-1, 3)
+    return _joined(leaves)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Integral image of one camera's weights.
+
+    total: sums above and left of the corners of blocks of pixels. block: columns and rows of one.
+    """
+
+    total: Float64[np.ndarray, "rows columns"]
+    block: Float64[np.ndarray, "2"]
+
+
+def _sums(weight: Float32[np.ndarray, "height width"]) -> _Sums:
+    """Of wide images in blocks of two, three and so on: the smallest voxels are larger."""
+    height, width = weight.shape
+    factor = max(1, width // FINEST)
+    if factor == 1:
+        return _Sums(cv2.integral(weight), np.ones(2))
+    size = width // factor, height // factor
+    block = np.array([width / size[0], height / size[1]])
+    return _Sums(cv2.integral(cv2.resize(weight, size, interpolation=cv2.INTER_AREA)) * block.prod(), block)
+
+
+def _polled(
+    volume: Volume,
+    sums: Sequence[_Sums | None],
+    centres: Float64[np.ndarray, "voxel 3"],
+    half: float,
+    config: VoteConfig,
+) -> tuple[Voxels, Bool[np.ndarray, "voxel"], Bool[np.ndarray, "voxel"]]:
+    """The cameras' votes for cubes of one size, which of these are small enough, and which are solid.
+
+    A large cube's projection is the square around its bounding sphere's and its cameras are those that see all of it,
+    so that no part of it could do better. A leaf's is the square around a ball a little larger than the cube's own, so
+    that leaves leave no gaps, and its cameras see its centre.
+    """
+    cameras = volume.cameras
+    seen = [seen_by(camera, centres) for camera in cameras]
+    nothing = np.zeros(len(centres))
+    scales = np.stack([o.per_metre * o.near_image(camera, nothing) for o, camera in zip(seen, cameras, strict=True)])
+    leaf_px = max(config.leaf_px, max(camera.width for camera in cameras) / LEAVES)
+    watched = np.maximum(np.count_nonzero(scales, axis=0), 1)
+    leaf = 2 * half * scales.sum(axis=0) / watched <= leaf_px
+    radius = half * np.where(leaf, LEAF_RADIUS, np.sqrt(3))
+    votes, views = np.zeros((len(cameras), len(centres))), np.zeros((len(cameras), len(centres)), bool)
+    full = np.zeros(len(centres), int)
+    for index, (one, camera, total) in enumerate(zip(seen, cameras, sums, strict=True)):
+        if total is None:
+            continue
+        reach = radius * one.per_metre
+        votes[index], area = _weight_in(total, one.pixels, reach)
+        views[index] = one.near_image(camera, np.where(leaf, 0.0, -reach))
+        votes[index] *= one.near_image(camera, reach)
+        full += views[index] & (votes[index] >= SOLID * area)
+    voxels = Voxels(centres, np.full(len(centres), half), votes, views)
+    return voxels, leaf, full >= np.maximum(needed_views(views.sum(axis=0), config), 2)
+
+
+def _weight_in(
+    sums: _Sums, pixels: Float64[np.ndarray, "voxel 2"], reach: Float64[np.ndarray, "voxel"]
+) -> tuple[Float64[np.ndarray, "voxel"], Float64[np.ndarray, "voxel"]]:
+    """Weight in squares about these pixels, pixels, and the squares' areas in the image."""
+    total, limits = sums.total, np.array(sums.total.shape[::-1]) - 1.0
+    low = np.clip(np.floor((pixels - reach[:, None]) / sums.block), 0, limits).astype(np.intp)
+    high = np.clip(np.ceil((pixels + reach[:, None]) / sums.block), 0, limits).astype(np.intp)
+    columns, flat = total.shape[1], total.ravel()
+    rows_low, rows_high = columns * low[:, 1], columns * high[:, 1]
+    weight = flat[rows_high + high[:, 0]] - flat[rows_high + low[:, 0]] - flat[rows_low + high[:, 0]]
+    return weight + flat[rows_low + low[:, 0]], np.prod(high - low, axis=1) * sums.block.prod()
+
+
+def _agreed(voxels: Voxels, config: VoteConfig, fewest: int) -> Bool[np.ndarray, "voxel"]:
+    needed = np.maximum(needed_views(voxels.seen.sum(axis=0), config), config.views or fewest)
+    return (voxels.votes >= config.least_px).sum(axis=0) >= needed
+
+
+def _strongest(voxels: Voxels, most: int) -> Voxels:
+    """The voxels with the most votes, then the most weight, where there are too many."""
+    if len(voxels.centres) <= most:
+        return voxels
+    ranks = (voxels.votes > 0).sum(axis=0) + voxels.votes.sum(axis=0) / (voxels.votes.sum() + 1)
+    return voxels[np.sort(np.argsort(-ranks, kind="stable")[:most])]
+
+
+def _joined(parts: Sequence[Voxels]) -> Voxels:
+    fields = ((one.centres, one.half) for one in parts)
+    centres, half = (np.concatenate(arrays) for arrays in zip(*fields, strict=True))
+    votes, seen = (np.concatenate(arrays, axis=1) for arrays in zip(*((p.votes, p.seen) for p in parts), strict=True))
+    return Voxels(centres, half, votes, seen)
