@@ -194,6 +194,8 @@ def _ray_rows(
     lines: Sightlines, moved: Float64[np.ndarray, "camera 3 3"]
 ) -> tuple[Float64[np.ndarray, "row camera 3"], Float64[np.ndarray, "row"]]:
     cameras = np.flatnonzero(lines.valid)
+    if len(cameras) < 2:  # one ray meets itself
+        return np.zeros((0, len(lines.valid), 3)), np.zeros(0)
     axes = lines.across[cameras].reshape(-1, 3)
     project = (np.eye(len(axes)) - axes @ np.linalg.pinv(axes)) / (RAY_SHARE * lines.size)
     design = np.zeros((len(axes), len(lines.valid), 3))

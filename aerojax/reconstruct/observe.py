@@ -13,7 +13,7 @@ from aerojax.capture.format import CaptureCamera
 from aerojax.core.types import Box, Camera, FrameSet, Observation, Silhouette, View
 from aerojax.geometry.triangulation import intersect_rays
 from aerojax.reconstruct.crop import Crop, crop_cameras, crop_image
-from aerojax.reconstruct.cut_views import aimed_boxes, known_pixels
+from aerojax.reconstruct.cut_views import SeenBoxes, aimed_boxes, centre_on_ray, known_pixels
 
 
 def usable(silhouettes: Sequence[Silhouette | None]) -> list[bool]:
@@ -34,11 +34,12 @@ def observe(
 
     Args:
         frames: the images.
-        silhouettes: of the object, one entry a camera; at least two must be whole.
+        silhouettes: of the object, one entry a camera; at least two must be whole, or one with cut views.
         cameras: in the rig's frame.
         size: side of the crops, pixels.
         world_from_rig: kept in the observation.
-        cut_views: whether cameras that show a part of the object count where that fits what the others show.
+        cut_views: whether cameras that show a part of the object count where that fits what the others show. Of one
+            whole view alone, which is what is left where nothing fits, nothing can be reconstructed.
 
     Returns:
         Crops in a frame with the rig's axes and the object at its origin.
@@ -84,16 +85,24 @@ def _aim(
     # Cameras that do not count get some window too: arrays have one shape however many there are.
     shown = [one.box if one is not None and one.whole else None for one in silhouettes]
     crops = crop_cameras(K, poses, np.array(_filled(shown), np.float64), size=size)
-    with jax.enable_x64(True):
-        weights = jnp.asarray(whole, jnp.float64)
-        centre = np.asarray(intersect_rays(jnp.asarray(poses[:, :3, 3]), jnp.asarray(crops.ray), weights))
+    sizes = np.array([(camera.width, camera.height) for camera in cameras], np.float64)
+    boxes = np.array(_filled([None if one is None else one.box for one in silhouettes]), np.float64)
+    seen = SeenBoxes(K, poses, sizes, boxes, whole, partly)
+    centre = centre_on_ray(seen) if whole.sum() == 1 else _meet(poses, crops, whole)
     if not partly.any():
         return crops, centre, partly
-    boxes = np.array(_filled([None if one is None else one.box for one in silhouettes]), np.float64)
-    boxes, cut = aimed_boxes(K, poses, boxes, whole, partly, centre)
+    boxes, cut = aimed_boxes(seen, centre)
     if not cut.any():
         return crops, centre, cut
     return crop_cameras(K, poses, boxes, size=size), centre, cut
+
+
+def _meet(
+    poses: Float64[np.ndarray, "view 4 4"], crops: Crop, whole: Bool[np.ndarray, "view"]
+) -> Float64[np.ndarray, "3"]:
+    with jax.enable_x64(True):
+        weights = jnp.asarray(whole, jnp.float64)
+        return np.asarray(intersect_rays(jnp.asarray(poses[:, :3, 3]), jnp.asarray(crops.ray), weights))
 
 
 def _known(

@@ -24,6 +24,7 @@ from aerojax.core.config import to_dataclass, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians, Track
 from aerojax.gaussians.decimate import DecimationConfig
+from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.events import Appeared, Dropped, Lost, Updated
 from aerojax.pipeline.offline import reconstruct_capture
@@ -32,6 +33,7 @@ from aerojax.pipeline.step import Pipeline, make_pipeline
 from aerojax.pipeline.stream import stream
 from aerojax.pipeline.warnings import cut_warnings, shift_warnings
 from aerojax.reconstruct.base import ReconstructorConfig
+from aerojax.reconstruct.disagreement import Disagreement
 from aerojax.reconstruct.hull import HullConfig
 from aerojax.segment.base import SegmenterConfig
 from aerojax.segment.given import GivenSegmenter
@@ -126,6 +128,23 @@ def test_cameras_that_cut_the_object_are_used_and_it_is_said(monkeypatch):
     assert cut_warnings(left_out, cameras, 4) == ()
 
 
+def test_one_camera_that_shows_the_whole_object_is_enough_with_those_that_cut_it(monkeypatch):
+    cameras = network(3)
+    for camera, column in ((1, 44), (2, 100)):
+        cameras = aimed_aside(cameras, camera, column)
+    frames = list(frame_sets(cameras, range(4, 5)))
+    appeared, seen = run(make_pipeline(cameras, SMALL, key=KEY), frames)
+    assert isinstance(appeared, Appeared) and isinstance(seen, Updated) and seen.cut == (1, 2)
+    assert np.linalg.norm(seen.position - position_at(4)) < 0.3
+    in_world = transform(seen.gaussians, jnp.asarray(cameras[0].world_from_cam, jnp.float32)).mean
+    assert np.linalg.norm(np.asarray(in_world) - position_at(4)[None], axis=1).max() < 0.8
+    assert seen.seen.crops is not None and np.asarray(seen.seen.crops.valid).all()  # there are too few others
+    assert np.isnan(seen.consistency.shift_m).all() and np.isfinite(seen.consistency.uncovered).all()
+    assert Disagreement.of(seen.consistency, None).rows == 0
+    monkeypatch.setattr(HullConfig, "reads_known", False)
+    assert isinstance(run(make_pipeline(cameras, SMALL, key=KEY), frames)[1], Dropped)
+
+
 def test_the_world_s_place_and_turn_change_nothing(classifier):
     place = np.eye(4)
     place[:3, :3] = Rotation.random(random_state=3).as_matrix()
@@ -192,6 +211,11 @@ def test_a_pipeline_that_contradicts_the_card_is_refused(classifier):
     assert caught.value.code == "mismatch"
     with pytest.raises(UserError, match=r"reconstruct\.grid"):
         make_pipeline(network(), replace(SMALL, reconstruct=HullConfig(grid=48, capacity=512)), carded, key=KEY)
+    chairs = dataclasses.replace(
+        carded, card=dataclasses.replace(carded.card, classes=("bed", "chair", "desk", "sofa"))
+    )
+    with pytest.raises(UserError, match="tells bed, chair, desk, sofa apart"):
+        make_pipeline(network(), SMALL, chairs, key=KEY)
 
 
 # Members that nobody here wrote: each is a configuration with a name, and what it builds.

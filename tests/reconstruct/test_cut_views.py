@@ -8,7 +8,7 @@ from support.cut_views import aimed_aside
 from support.networks import frame_sets, network, position_at
 
 from aerojax.geometry.cameras import project_points
-from aerojax.reconstruct.cut_views import aimed_boxes, crops_to_read, known_pixels
+from aerojax.reconstruct.cut_views import SeenBoxes, aimed_boxes, centre_on_ray, crops_to_read, known_pixels
 from aerojax.reconstruct.observe import observe
 from aerojax.segment.given import GivenConfig
 
@@ -29,16 +29,16 @@ def column():
     return int((box[0] + box[2]) / 2)
 
 
+def seen_boxes(cameras, boxes, whole, cut):
+    K, poses = np.stack([c.K for c in cameras]), np.stack([c.world_from_cam for c in cameras])
+    sizes = np.array([(c.width, c.height) for c in cameras], float)
+    return SeenBoxes(K, poses, sizes, np.array(boxes, float), whole, cut)
+
+
 def aimed(cameras, boxes, *, cut, centre=None):
     whole = np.arange(len(cameras)) != CUT
-    return aimed_boxes(
-        np.stack([c.K for c in cameras]),
-        np.stack([c.world_from_cam for c in cameras]),
-        np.array(boxes, float),
-        whole,
-        ~whole & cut,
-        position_at(FRAME) if centre is None else centre,
-    )
+    seen = seen_boxes(cameras, boxes, whole, ~whole & cut)
+    return aimed_boxes(seen, position_at(FRAME) if centre is None else centre)
 
 
 def test_a_cut_view_looks_at_the_whole_object(column):
@@ -63,6 +63,33 @@ def test_what_does_not_fit_is_not_used():
     behind = cameras[CUT].world_from_cam[:3, 3] * 1.5
     found, used = aimed(cameras, boxes, cut=True, centre=behind)
     assert not used.any() and np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("cut", [[2], [1, 2]])
+def test_of_one_whole_view_the_cut_ones_say_how_far_the_object_is(column, cut):
+    cameras = aimed_aside(network(), CUT, column)
+    if 1 in cut:
+        box = shown_by(network())[1][1].box
+        cameras = aimed_aside(cameras, 1, int(box[0] + 0.4 * (box[2] - box[0])))
+    found = shown_by(cameras)[1]
+    assert [one.whole for one in found] == [i not in cut for i in range(4)]
+    use, whole = np.isin(np.arange(4), cut), np.arange(4) == 0
+    centre = centre_on_ray(seen_boxes(cameras, [one.box for one in found], whole, use))
+    assert np.linalg.norm(centre - position_at(FRAME)) < 0.25  # the object is a metre long
+    ray = cameras[0].K @ (np.linalg.inv(cameras[0].world_from_cam) @ [*centre, 1.0])[:3]
+    box = found[0].box
+    np.testing.assert_allclose(ray[:2] / ray[2], [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2])
+    assert aimed_boxes(seen_boxes(cameras, [one.box for one in found], whole, use), centre)[1].sum() == len(cut)
+
+
+def test_of_one_whole_view_alone_nothing_is_used():
+    cameras = network()
+    boxes = [one.box for one in shown_by(cameras)[1]]
+    boxes[CUT] = (0.0, 0.0, 4.0, 4.0)  # where no ray through the first box passes
+    seen = seen_boxes(cameras, boxes, np.arange(4) == 0, np.arange(4) == CUT)
+    centre = centre_on_ray(seen)
+    assert np.linalg.norm(centre - cameras[0].world_from_cam[:3, 3]) == pytest.approx(1.0)
+    assert not aimed_boxes(seen, centre)[1].any()
 
 
 def test_known_pixels_lie_in_the_image():

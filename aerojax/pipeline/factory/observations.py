@@ -18,7 +18,7 @@ from aerojax.geometry.triangulation import intersect_rays
 from aerojax.pipeline.factory.config import FactoryConfig
 from aerojax.pipeline.factory.plan import ClipPlan
 from aerojax.reconstruct.crop import Crop, CropSource, crop_cameras, crop_part, crop_source
-from aerojax.reconstruct.cut_views import FEWEST_WHOLE, aimed_boxes, known_pixels
+from aerojax.reconstruct.cut_views import FEWEST_WHOLE, SeenBoxes, aimed_boxes, centre_on_ray, known_pixels
 from aerojax.segment.silhouettes import FEWEST_PIXELS
 from aerojax.simulate.render.image import Window
 from aerojax.simulate.render.window import WindowRenderer
@@ -153,7 +153,9 @@ def crop_clip(
     rig_from_world = np.linalg.inv(world_from_rig)
     poses = _padded(np.stack([rig_from_world @ camera.world_from_cam for camera in plan.calibration]))
     K = _padded(np.stack([camera.K for camera in plan.calibration]))
-    crops, centres, boxes, cut = _aim(K, poses, [frames[f] for f in used], whole[used], partly[used], config)
+    sizes = np.array([(camera.width, camera.height) for camera in plan.calibration], np.float64)
+    several = _Cameras(K, poses, _padded(sizes), config.frames, config.pipeline.crop_size)
+    crops, centres, boxes, cut = _aim(several, [frames[f] for f in used], whole[used], partly[used])
     enough = (whole[used] | cut).sum(axis=1) >= config.pipeline.min_views
     if not enough.any():
         return None
@@ -180,7 +182,18 @@ def crop_clip(
     )
 
 
-def _padded(values: Float64[np.ndarray, "camera 3 3"] | Float64[np.ndarray, "camera 4 4"]) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class _Cameras:
+    """Of a clip, padded to `VIEWS`: K, poses in the rig's frame, sizes of images; frames and sides of crops."""
+
+    K: Float64[np.ndarray, "view 3 3"]
+    poses: Float64[np.ndarray, "view 4 4"]
+    sizes: Float64[np.ndarray, "view 2"]
+    frames: int
+    size: int
+
+
+def _padded(values: Float64[np.ndarray, "camera *shape"]) -> Float64[np.ndarray, "view *shape"]:
     """One entry a view; views without a camera have the first one's."""
     return values[[*range(len(values)), *[0] * (VIEWS - len(values))]]
 
@@ -198,33 +211,42 @@ def _boxes(sights: list[Sight | None], chosen: Bool[np.ndarray, "view"]) -> Floa
 
 
 def _aim(
-    K: Float64[np.ndarray, "view 3 3"],
-    poses: Float64[np.ndarray, "view 4 4"],
+    cameras: _Cameras,
     frames: list[list[Sight | None]],
     whole: Bool[np.ndarray, "time view"],
     partly: Bool[np.ndarray, "time view"],
-    config: FactoryConfig,
 ) -> tuple[Crop, Float64[np.ndarray, "time 3"], Float64[np.ndarray, "time view 4"], Bool[np.ndarray, "time view"]]:
     """Virtual cameras of every frame and view in the rig's frame, where the rays of whole views meet, the boxes that
     the cameras look at, and which views that show a part are used."""
-    size = config.pipeline.crop_size
     boxes = np.stack([_boxes(one, use) for one, use in zip(frames, whole, strict=True)])
-    crops = _look(K, poses, boxes, config.frames, size)
-    rays, weights = (_stretched(values, config.frames) for values in (np.asarray(crops.ray), whole.astype(np.float64)))
-    with jax.enable_x64(True):
-        places = (jnp.asarray(values) for values in (poses[:, :3, 3], rays, weights))
-        centres = np.asarray(_meet(*places))[: len(frames)]
-    cut = np.zeros_like(partly)
+    crops = _look(cameras, boxes)
+    centres, cut = np.zeros((len(frames), 3)), np.zeros_like(partly)
+    several = whole.sum(axis=1) > 1
+    centres[several] = _meeting(cameras, np.asarray(crops.ray)[several], whole[several])
     for frame in np.flatnonzero(partly.any(axis=1)):
         shown = _boxes(frames[frame], whole[frame] | partly[frame])
-        boxes[frame], cut[frame] = aimed_boxes(K, poses, shown, whole[frame], partly[frame], centres[frame])
-    return (_look(K, poses, boxes, config.frames, size) if cut.any() else crops), centres, boxes, cut
+        seen = SeenBoxes(cameras.K, cameras.poses, cameras.sizes, shown, whole[frame], partly[frame])
+        centres[frame] = centres[frame] if several[frame] else centre_on_ray(seen)
+        boxes[frame], cut[frame] = aimed_boxes(seen, centres[frame])
+    return (_look(cameras, boxes) if cut.any() else crops), centres, boxes, cut
 
 
-def _look(K: np.ndarray, poses: np.ndarray, boxes: Float64[np.ndarray, "time view 4"], frames: int, size: int) -> Crop:
-    time, many = len(boxes), _stretched(boxes, frames)
-    flat = crop_cameras(np.tile(K, (frames, 1, 1)), np.tile(poses, (frames, 1, 1)), many.reshape(-1, 4), size=size)
-    return jax.tree.map(lambda leaf: leaf.reshape(frames, VIEWS, *leaf.shape[1:])[:time], flat)
+def _look(cameras: _Cameras, boxes: Float64[np.ndarray, "time view 4"]) -> Crop:
+    frames, many = cameras.frames, _stretched(boxes, cameras.frames)
+    K, poses = np.tile(cameras.K, (frames, 1, 1)), np.tile(cameras.poses, (frames, 1, 1))
+    flat = crop_cameras(K, poses, many.reshape(-1, 4), size=cameras.size)
+    return jax.tree.map(lambda leaf: leaf.reshape(frames, VIEWS, *leaf.shape[1:])[: len(boxes)], flat)
+
+
+def _meeting(
+    cameras: _Cameras, rays: Float64[np.ndarray, "time view 3"], whole: Bool[np.ndarray, "time view"]
+) -> Float64[np.ndarray, "time 3"]:
+    if not len(rays):
+        return np.zeros((0, 3))
+    rays, weights = (_stretched(values, cameras.frames) for values in (rays, whole.astype(np.float64)))
+    with jax.enable_x64(True):
+        places = (jnp.asarray(values) for values in (cameras.poses[:, :3, 3], rays, weights))
+        return np.asarray(_meet(*places))[: len(whole)]
 
 
 def _known(
