@@ -20,6 +20,7 @@ from aerojax.capture.validate.truth import check_truth
 
 FORMAT, VERSION = "aerojax-capture", 1
 OPTIONAL = ("truth", "missing", "origin", "outside")
+CAMERA_KEYS = ("name", "width", "height", "K", "distortion", "world_from_cam", "rgb")
 OPTIONAL_IMAGES = ("mask", "depth", "coverage", "normal", "flow")
 MOST_FRAMES = 1_000_000  # nine hours at 30 frames per second
 LARGEST_SIDE = 16_384  # above every sensor in use; keeps a forged header from claiming the memory
@@ -66,8 +67,7 @@ def examine(folder: Path) -> Examination:
     fps, frames = _check_clock(raw, findings)
     clock = Clock(fps, frames, refuse=_check_missing(raw, findings) == "refuse", outside=_check_outside(raw, findings))
     _check_origin(raw, findings)
-    cameras = [_check_camera(c, f"cameras[{i}]", findings) for i, c in enumerate(_cameras(raw, findings))]
-    _check_network(cameras, findings)
+    check_cameras(_cameras(raw, findings), findings, CAMERA_KEYS, (*OPTIONAL_IMAGES, "time_offset_s", "mask_kind"))
     for index, camera in enumerate(raw["cameras"] if isinstance(raw.get("cameras"), list) else ()):
         if isinstance(camera, dict):
             _check_offset(camera, f"cameras[{index}].time_offset_s", fps, frames, findings)
@@ -177,9 +177,17 @@ class _Placed:
     centre: np.ndarray | None
 
 
-def _check_camera(camera: Any, field: str, findings: Findings) -> _Placed:
-    required = ("name", "width", "height", "K", "distortion", "world_from_cam", "rgb")
-    camera = findings.mapping(camera, field, required, (*OPTIONAL_IMAGES, "time_offset_s", "mask_kind"))
+def check_cameras(listed: list[Any], findings: Findings, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    """Names, sizes, lenses and poses of a network's cameras; of other keys, whether they may and must be there."""
+    _check_network(
+        [_check_camera(one, f"cameras[{i}]", findings, required, optional) for i, one in enumerate(listed)], findings
+    )
+
+
+def _check_camera(
+    camera: Any, field: str, findings: Findings, required: tuple[str, ...], optional: tuple[str, ...]
+) -> _Placed:
+    camera = findings.mapping(camera, field, required, optional)
     if camera is None:
         return _Placed(field, None, None)
     name = findings.text(camera["name"], f"{field}.name") if "name" in camera else None

@@ -1,0 +1,55 @@
+"""Detections of a capture's instance masks: each instance's box, in every image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from jaxtyping import Integer
+
+from aerojax.capture.format import Capture
+from aerojax.capture.frames import read_frames
+from aerojax.core.errors import UserError
+from aerojax.core.types import Box
+from aerojax.geometry.boxes import tight_box, touches_border
+from aerojax.track.sights import Detections
+
+FEWEST_PIXELS = 4
+"""An instance of fewer is noise."""
+
+
+def mask_detections(
+    capture: Capture, *, progress: Callable[[int, int, str], None] = lambda done, total, what: None
+) -> Detections:
+    """The middle of every instance that a camera shows whole, frame by frame.
+
+    Which instance it is is left out: it is for the tracker to find. Masks are undistorted, and so are the pixels; the
+    stamps are those of the capture's clock, so its cameras' offsets are used up.
+
+    Args:
+        capture: with masks of instances.
+        progress: called for each frame with (done, total, what).
+
+    Raises:
+        UserError: no mask shows anything.
+    """
+    rows: list[tuple[int, float, float, float, float]] = []
+    for frame in range(capture.frames):
+        seen = read_frames(capture, frame, rgb=False)
+        for camera, mask in enumerate(seen.ids):
+            for x0, y0, x1, y1 in () if mask is None else _boxes(mask):
+                diagonal = float(np.hypot(x1 - x0, y1 - y0))
+                rows.append((camera, seen.time_s, (x0 + x1) / 2, (y0 + y1) / 2, diagonal))
+        progress(frame + 1, capture.frames, "masks")
+    if not rows:
+        raise UserError("object-absent", f"{capture.folder}: no mask shows an object", "give detections=FILE instead")
+    table = np.array(rows, np.float64)
+    return Detections(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:4], table[:, 4])
+
+
+def _boxes(mask: Integer[np.ndarray, "height width"]) -> Iterator[Box]:
+    height, width = mask.shape
+    for number in np.unique(mask[mask > 0]):
+        box = tight_box(mask == number, min_pixels=FEWEST_PIXELS)
+        if box is not None and not touches_border(box, width, height):
+            yield box
