@@ -40,6 +40,18 @@ class Following:
     owner: Int64[np.ndarray, "sight"]
     state: FollowingState
 
+    def paths(self) -> dict[int, tuple[Float64[np.ndarray, "moment"], Float64[np.ndarray, "moment 3"]]]:
+        """When and where each track was, by its number; seconds, and metres."""
+        found: dict[int, list[tuple[float, Float64[np.ndarray, "3"]]]] = {}
+        for moment in self.moments:
+            for one in moment.tracks:
+                if one.number is not None:
+                    found.setdefault(one.number, []).append((moment.time_s, one.mean[:3]))
+        return {
+            number: (np.array([time for time, _ in points]), np.stack([place for _, place in points]))
+            for number, points in found.items()
+        }
+
 
 def follow(
     detections: Detections,

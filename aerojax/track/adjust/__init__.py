@@ -1,0 +1,1 @@
+"""Clocks and poses of cameras from what flies before them."""
