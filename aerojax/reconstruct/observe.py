@@ -88,7 +88,9 @@ def _aim(
     sizes = np.array([(camera.width, camera.height) for camera in cameras], np.float64)
     boxes = np.array(_filled([None if one is None else one.box for one in silhouettes]), np.float64)
     seen = SeenBoxes(K, poses, sizes, boxes, whole, partly)
-    centre = centre_on_ray(seen) if whole.sum() == 1 else _meet(poses, crops, whole)
+    centre = _meet(poses, crops, whole) if whole.sum() > 1 else centre_on_ray(seen)
+    if centre is None:  # of one view alone nothing is told
+        return crops, np.zeros(3), np.zeros_like(partly)
     if not partly.any():
         return crops, centre, partly
     boxes, cut = aimed_boxes(seen, centre)

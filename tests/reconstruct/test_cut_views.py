@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.cut_views import aimed_aside
@@ -87,9 +89,19 @@ def test_of_one_whole_view_alone_nothing_is_used():
     boxes = [one.box for one in shown_by(cameras)[1]]
     boxes[CUT] = (0.0, 0.0, 4.0, 4.0)  # where no ray through the first box passes
     seen = seen_boxes(cameras, boxes, np.arange(4) == 0, np.arange(4) == CUT)
-    centre = centre_on_ray(seen)
-    assert np.linalg.norm(centre - cameras[0].world_from_cam[:3, 3]) == pytest.approx(1.0)
-    assert not aimed_boxes(seen, centre)[1].any()
+    assert centre_on_ray(seen) is None
+    # Nor of a second camera beside the first: what it cuts off could lie anywhere.
+    pose = cameras[0].world_from_cam.copy()
+    pose[:3, 3] += 0.02 * pose[:3, 0]
+    beside = (cameras[0], replace(cameras[0], world_from_cam=pose), *cameras[2:])
+    second = np.arange(4) == 1
+    assert centre_on_ray(seen_boxes(beside, boxes, np.arange(4) == 0, second)) is None
+    frames, found = shown_by(cameras)
+    part = replace(found[CUT], box=boxes[CUT], whole=False)
+    silhouettes = [found[0], None, part, None]
+    left = observe(frames, silhouettes, cameras, size=SIZE, world_from_rig=np.eye(4), cut_views=True)
+    np.testing.assert_array_equal(left.valid, [True, False, False, False])
+    assert np.isfinite(np.asarray(left.views.camera.world_from_cam)).all()
 
 
 def test_known_pixels_lie_in_the_image():

@@ -226,8 +226,10 @@ def _aim(
     for frame in np.flatnonzero(partly.any(axis=1)):
         shown = _boxes(frames[frame], whole[frame] | partly[frame])
         seen = SeenBoxes(cameras.K, cameras.poses, cameras.sizes, shown, whole[frame], partly[frame])
-        centres[frame] = centres[frame] if several[frame] else centre_on_ray(seen)
-        boxes[frame], cut[frame] = aimed_boxes(seen, centres[frame])
+        centre = centres[frame] if several[frame] else centre_on_ray(seen)
+        if centre is not None:
+            centres[frame] = centre
+            boxes[frame], cut[frame] = aimed_boxes(seen, centre)
     return (_look(cameras, boxes) if cut.any() else crops), centres, boxes, cut
 
 
