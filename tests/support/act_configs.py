@@ -20,6 +20,7 @@ REQUIRED = {
     "import_models": ("models=models.yaml",),
     "import_reconstructor": ("checkpoint=a.pt", "out=a.safetensors"),
     "import_replicator": ("recording=recording", "out=out", "fps=30"),
+    "track": ("source=source",),
 }
 """Values without a default, by act."""
 NEEDED = {"preset=published": ("classify=mambasplat",)}

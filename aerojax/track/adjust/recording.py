@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from aerojax.core.errors import UserError
 from aerojax.track.adjust.adjustment import sigmas, simplified, solve
 from aerojax.track.adjust.clock_search import search_offsets
-from aerojax.track.adjust.corrections import Correction, corrected, difference
+from aerojax.track.adjust.corrections import Correction, corrected, corrections_to_json, difference
 from aerojax.track.adjust.problem import AdjustConfig, Guess, Problem, Sights, sight_distances
 from aerojax.track.adjust.splines import fit, knots_over
 from aerojax.track.following import FollowingConfig
@@ -46,6 +47,14 @@ class Adjustment:
     def apply(self, cameras: Sequence[TimedCamera]) -> tuple[TimedCamera, ...]:
         """The cameras as they were found to be."""
         return tuple(corrected(camera, one) for camera, one in zip(cameras, self.corrections, strict=True))
+
+
+def adjustment_to_json(found: Adjustment, cameras: Sequence[TimedCamera]) -> list[dict[str, Any]]:
+    """JSON-ready, one a camera; None where a camera has no sights."""
+    told = corrections_to_json(cameras, found.corrections)
+    for one, before, after, sights in zip(told, found.before_px, found.after_px, found.sights, strict=True):
+        one |= {"before_px": before if sights else None, "after_px": after if sights else None, "sights": sights}
+    return told
 
 
 def adjust_recording(
