@@ -15,6 +15,8 @@ from aerojax.core.config import require_at_least, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, Crops, Evidence
 
+CLIP_AXIS = "clip"
+"""Name of the axis along which training maps the clips of a batch: batch norms take their statistics over it."""
 State = Any
 """A pytree of a size that does not grow, which only the classifier that made it understands."""
 

@@ -24,9 +24,19 @@ def parameter_names(tree: Any) -> list[tuple[str, Any]]:
     return [(jax.tree_util.keystr(p, simple=True, separator=".").removesuffix(".value"), leaf) for p, leaf in leaves]
 
 
+def is_statistic(name: str) -> bool:
+    """Whether a leaf of this name is a running statistic of a batch norm: kept with the parameters, and none itself."""
+    return name.rsplit(".")[-1].startswith("running_")
+
+
+def statistics(tree: Any) -> Any:
+    """For every leaf of a network whether it is a running statistic."""
+    return jax.tree.unflatten(jax.tree.structure(tree), [is_statistic(name) for name, _ in parameter_names(tree)])
+
+
 def parameter_count(tree: Any) -> int:
-    """How many numbers a network holds."""
-    return sum(leaf.size for leaf in jax.tree.leaves(tree))
+    """How many numbers of a network training optimises; running statistics are none of them."""
+    return sum(leaf.size for name, leaf in parameter_names(tree) if not is_statistic(name))
 
 
 def write_tensors(path: Path, network: Any, header: Mapping[str, str]) -> None:

@@ -25,7 +25,7 @@ from aerojax.core.files import write_text
 from aerojax.core.types import pytree_dataclass
 from aerojax.training.checkpoint import latest_step, restore_state, save_state
 from aerojax.training.distribution import Devices, devices_for, from_first_process, is_first_process
-from aerojax.training.optimisers import OptimiserConfig, adamw
+from aerojax.training.optimisers import OptimiserConfig, adamw, without_statistics
 
 _Model = TypeVar("_Model")
 Loss = Callable[[Any, Any, Key[Array, "batch"]], jax.Array]
@@ -226,7 +226,7 @@ def _update_step(loss: Loss, optimiser: optax.GradientTransformation, config: Tr
         # Short memory at first, so that the initial weights do not linger.
         share = 1 - jnp.minimum(config.average, step / (step + 10))
         average = jax.tree.map(lambda old, new: old + share * (new - old), average, model)
-        return (model, moments, average), jnp.stack([value, optax.tree.norm(gradient)])
+        return (model, moments, average), jnp.stack([value, optax.tree.norm(without_statistics(gradient))])
 
     return update
 

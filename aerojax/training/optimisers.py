@@ -10,7 +10,10 @@ import jax.numpy as jnp
 import optax
 
 from aerojax.core.errors import UserError
-from aerojax.core.tensors import parameter_names
+from aerojax.core.tensors import parameter_names, statistics
+
+STATISTICS_RATE = 0.1
+"""Share of the way to a batch's statistics that running ones move at each update (Ioffe & Szegedy 2015; PyTorch's)."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +81,13 @@ def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
     return by_step
 
 
+def without_statistics(gradient: Any) -> Any:
+    """A gradient that is zero for running statistics, whose entries say how far they are from the batch's."""
+    return jax.tree.map(lambda leaf, own: jnp.zeros_like(leaf) if own else leaf, gradient, statistics(gradient))
+
+
 def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
-    """The optimiser for a run of `steps` updates."""
+    """The optimiser for a run of `steps` updates; running statistics follow their batches by `STATISTICS_RATE`."""
     parts = [
         optax.clip_by_global_norm(config.clip_norm),
         optax.adamw(
@@ -97,7 +105,12 @@ def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
 
     def update(updates: Any, state: Any, params: Any = None) -> tuple[Any, Any]:
         with jax.numpy_dtype_promotion("standard"):  # optax raises decays to integer powers
-            return chain.update(updates, state, params)
+            change, state = chain.update(without_statistics(updates), state, params)
+
+        def follow(leaf: Any, own: bool, gradient: Any) -> Any:
+            return -STATISTICS_RATE * gradient if own else leaf
+
+        return jax.tree.map(follow, change, statistics(updates), updates), state
 
     return optax.GradientTransformation(chain.init, update)
 

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Key
 
-from aerojax.classify.base import Classifier, ClassifierConfig, Settings, Trainable, untrained, with_card
+from aerojax.classify.base import CLIP_AXIS, Classifier, ClassifierConfig, Settings, Trainable, untrained, with_card
 from aerojax.data.clips import ClipSet
 from aerojax.evaluate.answers import TEST_ENSEMBLES, crops_from_bytes, crops_read, log_probabilities
 from aerojax.evaluate.calibration import fit_temperature
@@ -48,7 +48,7 @@ class ClipTask:
             return classifier.training_logits(clip, mask, seen, key=drop)
 
         columns, present, label, crops = batch
-        found = jax.vmap(logits)(columns, present, crops, keys)
+        found = jax.vmap(logits, axis_name=CLIP_AXIS)(columns, present, crops, keys)
         return jnp.mean(smoothed_cross_entropy(found, label[:, None], self.training.label_smoothing))
 
     def batches(self, epoch: int) -> Iterator[Any]:
