@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aerojax.classify.base import ClassifierConfig
+from aerojax.classify.baselines.config import Mamba4DConfig, P4TransformerConfig, VNDGCNNConfig, VNPointNetConfig
 from aerojax.classify.ensemble.config import EnsembleConfig
 from aerojax.classify.fused.config import FusedConfig
 from aerojax.classify.mambasplat.config import MambaSplatConfig
@@ -13,4 +14,8 @@ MEMBERS: dict[str, type[ClassifierConfig]] = {
     "mambasplat": MambaSplatConfig,
     "views": ViewsConfig,
     "fused": FusedConfig,
+    "vn_pointnet": VNPointNetConfig,
+    "vn_dgcnn": VNDGCNNConfig,
+    "p4transformer": P4TransformerConfig,
+    "mamba4d": Mamba4DConfig,
 }
