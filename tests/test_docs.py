@@ -12,6 +12,7 @@ import sys
 from types import ModuleType
 
 import pytest
+import yaml
 from support.act_configs import config_of, values_of
 from support.pages import DOCS, ROOT, fenced
 
@@ -157,6 +158,13 @@ def test_commands_are_understood(words):
     if multirun:  # values of a sweep are composed one at a time
         values = [re.sub(r"=range\(.*\)$", "=0", value) for value in values if not value.startswith("hydra/")]
     to_dataclass(values_of(act, *with_quotes(values, config_of(act))), config_of(act))
+
+
+def test_the_citation_names_this_version_and_the_thesis():
+    """The file itself was checked with the schema of CFF 1.2.0."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["cff-version"] == "1.2.0" and cited["version"] == aerojax.__version__
+    assert cited["license"] == "Apache-2.0" and [one["type"] for one in cited["references"]] == ["thesis"]
 
 
 def test_the_site_builds_without_a_warning(tmp_path):
