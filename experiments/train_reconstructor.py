@@ -12,14 +12,16 @@ from rich.console import Console
 
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
+from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
 from aerojax.core.tensors import parameter_count
 from aerojax.data.views import ViewSet, load_views
 from aerojax.evaluate.perceptual import PerceptualConfig, load_perceptual
 from aerojax.reconstruct.base import ReconstructorConfig, TrainableConfig
+from aerojax.reconstruct.card_markdown import card_markdown
 from aerojax.reconstruct.lgm.config import LgmConfig
 from aerojax.reconstruct.weights import save_reconstructor
+from aerojax.training.checkpoint import latest_step
 from aerojax.training.distribution import DistributionConfig, is_first_process, join_processes
 from aerojax.training.loop import TrainingConfig
 from aerojax.training.memory import keep_freed_memory
@@ -71,6 +73,7 @@ def main(config: Config, run: Run) -> None:
     if not isinstance(config.model, TrainableConfig):
         raise UserError("mismatch", f"reconstruct={to_mapping(config.model)['name']} has nothing to train")
     train, val = _scenes(config, "train", config.most), _scenes(config, "val", config.val_scenes)
+    resumed = latest_step(run.directory / "checkpoints") is not None
     console.print(f"scenes: {len(train)} train, {len(val)} val, {train.size} px")
     measure = load_perceptual(config.perceptual)
     task = ReconstructionTask(train, val, config.scenes, config.loss, config.training, config.seed, measure)
@@ -91,12 +94,14 @@ def main(config: Config, run: Run) -> None:
         "parameters": parameter_count(member.network),
         "trained": {name: to_mapping(getattr(config, name)) for name in ("scenes", "loss", "perceptual", "training")},
         "seed": config.seed,
-        "minutes": (time.perf_counter() - begin) / 60,
+        # What an earlier run spent is not known.
+        "minutes": None if resumed else (time.perf_counter() - begin) / 60,
         "command": run.command,
         **provenance(run.overrides),
     }
     weights = run.directory / "weights.safetensors"
     save_reconstructor(weights, member, config.model, results)
+    write_text(weights.with_suffix(".md"), card_markdown(to_mapping(config.model)["name"], results))
     write_json(run.directory / "metrics.json", results)
     console.print(str(weights), soft_wrap=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from aerojax.evaluate.perceptual import Perceptual
 from aerojax.evaluate.reconstruction import scene_figures, targets_at, true_surface, views_at
 from aerojax.pipeline.cost import milliseconds
 from aerojax.pipeline.step import reconstruct_views
+from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import Reconstructor, TrainableReconstructor
 from aerojax.reconstruct.fit.optimise import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.members import MEMBERS
@@ -79,9 +81,14 @@ def _free_name(name: str, taken: Sequence[Entrant]) -> str:
 
 
 def _entrant(name: str, member: Reconstructor) -> Entrant:
-    def run(views: View, valid: np.ndarray) -> tuple[Gaussians, int]:
+    def once(views: View, valid: np.ndarray) -> tuple[Gaussians, int]:
         gaussians, count = reconstruct_views(member, views, jnp.asarray(valid))
         return gaussians, int(count)
+
+    def run(views: View, valid: np.ndarray) -> tuple[Gaussians, int]:
+        # As the pipeline does, which shifts silhouettes that do not fit.
+        made = reconstruct_aligned(partial(once, valid=valid), views, valid)
+        return made.gaussians, made.count
 
     trained = isinstance(member, TrainableReconstructor)
     return Entrant(name, run, parameter_count(member.network) if trained else 0, member)
