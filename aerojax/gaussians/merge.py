@@ -64,6 +64,7 @@ def merge_moments(
     *,
     lloyd: int = 2,
     seeds: Seeds = "farthest",
+    origin: Float[Array, "2 3"] | None = None,
 ) -> MergedGaussians:
     """Cluster the tokens of one frame and match each cluster's moments; turns and moves with the tokens.
 
@@ -78,18 +79,27 @@ def merge_moments(
         count: of clusters.
         lloyd: how often seeds move to the means of their tokens.
         seeds: where clusters begin.
+        origin: from which the means are counted, as a sum of two parts, the second of which may be small; that of the
+            tokens if None. It is taken from the clusters and not from the tokens, whose places it would round.
     """
     columns = jnp.where(mask[:, None], columns, 0.0)
     valid = mask.astype(columns.dtype)
     centre = valid @ columns[:, :3] / jnp.maximum(valid.sum(), 1.0)
     position = jnp.where(mask[:, None], columns[:, :3] - centre[None], 0.0)
     chosen, real = _seeds(position, mask, count, seeds)
-    place, weights = position[chosen], valid * jnp.maximum(columns[:, 10], 1e-6)
+    seed, weights = columns[chosen, :3], valid * jnp.maximum(columns[:, 10], 1e-6)
+    # A cluster's place is its seed's and how far it has moved from there: that is short, and differences of tokens keep
+    # all their digits, where one number would be rounded by much of the small distances within a cluster.
+    moved = jnp.zeros_like(seed)
     for _ in range(lloyd):
-        belonging = _belonging(position, valid, place, real) * weights[:, None]
-        place = belonging.T @ position / _mass(belonging)[:, None]
-    belonging = _belonging(position, valid, place, real) * weights[:, None]
-    return _moments(columns, position, belonging, centre, real)
+        offset = columns[:, None, :3] - seed[None] - moved[None]
+        belonging = _belonging(position, offset, valid, real) * weights[:, None]
+        moved = moved + jnp.sum(belonging[..., None] * offset, axis=0) / _mass(belonging)[:, None]
+    offset = columns[:, None, :3] - seed[None] - moved[None]
+    belonging = _belonging(position, offset, valid, real) * weights[:, None]
+    if origin is not None:
+        seed = seed - origin[:1] - origin[1:]
+    return _moments(columns, (seed, moved), offset, belonging, real)
 
 
 def _seeds(
@@ -119,14 +129,12 @@ def _seeds(
 
 def _belonging(
     position: Float[Array, "token 3"],
+    offset: Float[Array, "token count 3"],
     valid: Float[Array, "token"],
-    place: Float[Array, "count 3"],
     real: Bool[Array, "count"],
 ) -> Float[Array, "token count"]:
     """How far each token belongs to each cluster; rows sum to 1."""
-    # Differences before squares: |x|² - 2xs + |s|² would lose four digits of a small distance.
-    square = sum((position[:, None, axis] - place[None, :, axis]) ** 2 for axis in range(3))
-    square = jnp.where(real[None], square, _FAR)
+    square = jnp.where(real[None], jnp.sum(offset**2, axis=-1), _FAR)
     nearest = square.min(axis=1)
     total = jnp.maximum(valid.sum(), 1.0)
     size = jnp.sum(valid[:, None] * position**2) / total
@@ -141,22 +149,30 @@ def _mass(belonging: Float[Array, "token count"]) -> Float[Array, "count"]:
 
 def _moments(
     columns: Float[Array, "token 14"],
-    position: Float[Array, "token 3"],
+    place: tuple[Float[Array, "count 3"], Float[Array, "count 3"]],
+    offset: Float[Array, "token count 3"],
     belonging: Float[Array, "token count"],
-    centre: Float[Array, "3"],
     real: Bool[Array, "count"],
 ) -> MergedGaussians:
-    """Moments of the clusters, each token weighted by how far it belongs to them."""
+    """Moments of the clusters, each token weighted by how far it belongs to them.
+
+    Args:
+        columns: tokens.
+        place: of each cluster: its seed's, and how far it has moved.
+        offset: from there to each token.
+        belonging: how far each token belongs to each cluster.
+        real: clusters that may have members.
+    """
     mass = _mass(belonging)
     parts = belonging / mass[None]
-    mean = parts.T @ position
+    further = jnp.sum(parts[..., None] * offset, axis=0)
     own = covariance_from_axes(columns[:, 3:7], columns[:, 7:10])
-    offset = position[:, None] - mean[None]
+    offset = offset - further[None]
     spread = jnp.einsum("tka,tkb->kab", offset * parts[..., None], offset)
     covariance = jnp.einsum("tk,tab->kab", parts, own) + spread
     mask = real & (belonging.sum(axis=0) > 0)
     found = MergedGaussians(
-        mean=mean + centre[None],
+        mean=place[0] + (place[1] + further),
         covariance=(covariance + covariance.swapaxes(-1, -2)) / 2,
         opacity=parts.T @ columns[:, 10],
         colour=parts.T @ columns[:, 11:14],

@@ -90,7 +90,7 @@ def test_lifting_commutes_with_rotation(x64, lifting):
     else:
         config = MambaSplatConfig(lifting=lifting)
         layer = ExactLifting(config, key=jax.random.key(1))
-        lift = lambda clip: jax.vmap(layer)(normalise_clip(clip, mask, config)[0], mask)  # noqa: E731
+        lift = lambda clip: jax.vmap(layer)(normalise_clip(clip, mask, config).columns, mask)  # noqa: E731
     error = jnp.abs(lift(rotate_columns(clip, rotation)) - _rotate_slots(lift(clip), rotation)).max()
     assert error <= 1e-10
 
@@ -204,7 +204,7 @@ def test_symmetric_shapes_keep_token_invariants():
     for seed in (9, 10):
         clip = _mirrored_thrice(random_clip(seed, time=1, tokens=8))
         mask = jnp.ones(clip.shape[:2], bool)
-        columns = normalise_clip(clip, mask, model.config)[0][0]
+        columns = normalise_clip(clip, mask, model.config).columns[0]
         tokens = model.encoder(model.lifting(columns, mask[0]), mask[0])
         pooled = model.pool(masked_mean(tokens, mask[0]))
         # The pooled vectors of such a shape vanish, and with them every invariant of theirs.

@@ -11,6 +11,7 @@ from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, uses_colo
 from aerojax.classify.mambasplat.encoder import bias_epsilon, masked_mean, weight_init
 from aerojax.classify.mambasplat.motion import MotionState, feature_count, features_after, median_distance, motion_state
 from aerojax.classify.mambasplat.vector_neurons import VNLinear, draw_weight
+from aerojax.core.arrays import pairwise_sum
 from aerojax.core.types import pytree_dataclass
 from aerojax.gaussians.merge import MergedGaussians
 from aerojax.geometry.covariances import covariance_from_axes
@@ -37,22 +38,34 @@ class ScaleSums:
     weight: Float[Array, ""]
 
 
+@pytree_dataclass
+class Frames:
+    """Frames about their centres, in units of their radius.
+
+    columns: so changed; zero for padded tokens.
+    extra: each frame's further invariants: log of the radius in metres (`metric_size`) and those of `motion`.
+    centre: metres, as the sum of two parts: the rounded one, and what lacks to it.
+    radius: metres.
+    """
+
+    columns: Float[Array, "time token 14"]
+    extra: Float[Array, "time extra"]
+    centre: Float[Array, "time 2 3"]
+    radius: Float[Array, "time"]
+
+
 def normalise_clip(
     columns: Float[Array, "time token 14"], mask: Bool[Array, "time token"], config: MambaSplatConfig
-) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"]]:
+) -> Frames:
     """Centre each frame and divide positions and scales by a radius; padded tokens become zero.
 
     The centre is a frame's mean position and the radius the root of the mean squared distance from it, both weighted by
     opacity where the mode reads opacity (floaters are faint). `scale_normalisation` says over which frames the radius
     is taken: where they share one, growth and shrinkage remain visible.
-
-    Returns:
-        Normalised columns and each frame's further invariants: log of the radius in metres (`metric_size`) and those
-        of `motion`.
     """
     nothing = jnp.zeros((), columns.dtype)
     motion = motion_state(columns.dtype) if feature_count(config) else None
-    return normalise_after(ScaleSums(nothing, nothing), motion, columns, mask, config)[:2]
+    return normalise_after(ScaleSums(nothing, nothing), motion, columns, mask, config)[0]
 
 
 def normalise_after(
@@ -61,16 +74,21 @@ def normalise_after(
     columns: Float[Array, "time token 14"],
     mask: Bool[Array, "time token"],
     config: MambaSplatConfig,
-) -> tuple[Float[Array, "time token 14"], Float[Array, "time extra"], ScaleSums, MotionState | None]:
+) -> tuple[Frames, ScaleSums, MotionState | None]:
     """`normalise_clip` of frames that follow others, and what is remembered with these frames."""
     columns = jnp.where(mask[..., None], columns, 0.0)
     weights = mask.astype(columns.dtype)
     if uses_opacity(config.mode):
         weights = weights * jnp.maximum(columns[..., 10], 1e-6)
     total = weights.sum(axis=1)
-    centre = jnp.einsum("tnc,tn->tc", columns[..., :3], weights) / jnp.maximum(total, 1e-9)[:, None]
-    centred = jnp.where(mask[..., None], columns[..., :3] - centre[:, None], 0.0)
-    moment = jnp.einsum("tnc,tn->t", centred * centred, weights)
+    mass = jnp.maximum(total, 1e-9)[:, None]
+    # The mean of what the first mean leaves: the sum of small numbers keeps the digits that the first one lost.
+    centre = pairwise_sum(columns[..., :3] * weights[..., None], axis=1) / mass
+    offset = columns[..., :3] - centre[:, None]
+    beside = pairwise_sum(offset * weights[..., None], axis=1) / mass
+    centred = jnp.where(mask[..., None], offset - beside[:, None], 0.0)
+    centre = jnp.stack([centre, beside], axis=1)
+    moment = pairwise_sum(jnp.sum(centred * centred, axis=-1) * weights, axis=1)
     so_far = before.moment + jnp.cumsum(moment), before.weight + jnp.cumsum(total)
     radius = _radius(centred, mask, (moment, total), so_far, config)
     extra = [jnp.log(radius)[:, None]] if config.metric_size else [jnp.zeros((len(radius), 0), radius.dtype)]
@@ -80,7 +98,8 @@ def normalise_after(
         extra.append(found)
     parts = (centred * inverse, columns[..., 3:7], columns[..., 7:10] * inverse, columns[..., 10:])
     scale = ScaleSums(so_far[0][-1], so_far[1][-1])
-    return jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1), scale, motion
+    frames = Frames(jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1), centre, radius)
+    return frames, scale, motion
 
 
 def _radius(

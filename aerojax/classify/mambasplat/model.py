@@ -19,6 +19,8 @@ No `nnx.jit`, no split and merge. Equal layers are stacked on a leading axis (`e
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 from flax import nnx
@@ -30,6 +32,7 @@ from aerojax.classify.mambasplat.encoder import LARGE_FRAME, VNEncoder, masked_m
 from aerojax.classify.mambasplat.layers import Linear, drop
 from aerojax.classify.mambasplat.lifting import (
     ExactLifting,
+    Frames,
     PublishedLifting,
     ScaleSums,
     normalise_after,
@@ -121,14 +124,12 @@ class MambaSplat(nnx.Module):
         if self.config.variant == "published":
             no_extra = jnp.zeros((columns.shape[0], 0), columns.dtype)
             return self._describe_all(columns, mask, no_extra), jnp.ones(columns.shape[0], bool)
-        columns, extra = normalise_clip(columns, mask, self.config)
-        return self._describe_all(columns, mask, extra), mask.any(axis=1)
+        frames = normalise_clip(columns, mask, self.config)
+        if self.config.merged_tokens:
+            return self._describe_merged(columns, mask, frames), mask.any(axis=1)
+        return self._describe_all(frames.columns, mask, frames.extra), mask.any(axis=1)
 
     def _describe_all(self, columns: Array, mask: Array, extra: Array) -> Float[Array, "time width"]:
-        if self.config.merged_tokens:
-            # One frame after the other: its table of tokens and clusters stays in a cache.
-            lifted, mask = jax.lax.map(lambda frame: self._lift(*frame), (columns, mask))
-            return jax.vmap(self._read)(lifted, mask, extra)
         # Many small frames are one large product each; a large frame alone fills the machine, and its cache.
         if columns.shape[1] <= LARGE_FRAME:
             return jax.vmap(self.describe)(columns, mask, extra)
@@ -137,18 +138,31 @@ class MambaSplat(nnx.Module):
     def describe(
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], extra: Float[Array, "extra"]
     ) -> Float[Array, "width"]:
-        """The invariant descriptor of one normalised frame."""
-        return self._read(*self._lift(columns, mask), extra)
+        """The invariant descriptor of one normalised frame, whose tokens are not merged."""
+        return self._read(self.lifting(columns, mask), mask, extra)
 
-    def _lift(self, columns: Array, mask: Array) -> tuple[Float[Array, "some slot channel"], Bool[Array, "some"]]:
-        """A normalised frame's tokens, merged if so configured, and which of them are valid."""
+    def _describe_merged(self, columns: Array, mask: Array, frames: Frames) -> Float[Array, "time width"]:
+        """Descriptors of frames whose tokens are merged as they are in space, and then normalised.
+
+        What belongs to which cluster hangs on small distances between tokens, so nothing may round their places first.
+        """
         config = self.config
-        if not (config.merged_tokens and isinstance(self.lifting, ExactLifting)):
-            return self.lifting(columns, mask), mask
-        merged = merge_moments(columns, mask, config.merged_tokens, lloyd=config.merge_steps, seeds=config.merge_seeds)
-        # Nothing in front of the lifting learns.
-        merged = jax.lax.stop_gradient(merged)
-        return self.lifting.merged(merged), merged.mask
+        assert isinstance(self.lifting, ExactLifting)
+        lifting = self.lifting
+
+        def lift(frame: tuple[Array, ...]) -> tuple[Array, Array]:
+            columns, mask, centre, radius = frame
+            merged = merge_moments(
+                columns, mask, config.merged_tokens, lloyd=config.merge_steps, seeds=config.merge_seeds, origin=centre
+            )
+            mean, covariance = merged.mean / radius, merged.covariance / radius**2
+            # Nothing in front of the lifting learns.
+            merged = jax.lax.stop_gradient(replace(merged, mean=mean, covariance=covariance))
+            return lifting.merged(merged), merged.mask
+
+        # One frame after the other: its table of tokens and clusters stays in a cache.
+        lifted, mask = jax.lax.map(lift, (columns, mask, frames.centre, frames.radius))
+        return jax.vmap(self._read)(lifted, mask, frames.extra)
 
     def _read(self, lifted: Array, mask: Array, extra: Array) -> Float[Array, "width"]:
         tokens = self.encoder(lifted, mask)
@@ -228,9 +242,12 @@ class MambaSplat(nnx.Module):
         self, columns: Float[Array, "token 14"], mask: Bool[Array, "token"], state: StreamState
     ) -> tuple[Float[Array, "width"], StreamState]:
         """What the head reads after one more frame; as `step`."""
-        frame = columns[None], mask[None]
-        normalised, extra, scale, motion = normalise_after(state.scale, state.motion, *frame, self.config)
-        embedding, temporal = self.describe(normalised[0], mask, extra[0]), state.temporal
+        frame, temporal = (columns[None], mask[None]), state.temporal
+        frames, scale, motion = normalise_after(state.scale, state.motion, *frame, self.config)
+        if self.config.merged_tokens:
+            embedding = self._describe_merged(*frame, frames)[0]
+        else:
+            embedding = self.describe(frames.columns[0], mask, frames.extra[0])
         if self.temporal is not None and temporal is not None:
             embedding, temporal = self.temporal.step(embedding, temporal)
         following = StreamState(temporal, scale, motion, state.total + embedding, state.count + 1, embedding)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from aerojax.core.arrays import pairwise_sum
 from aerojax.core.types import pytree_dataclass
 
 if TYPE_CHECKING:
@@ -36,12 +37,15 @@ _SPECTRUM_GAIN = 5.0
 class MotionState:
     """What is remembered of the frames that had tokens.
 
-    count: of those frames. centre: of the last one, metres. velocity, smooth: into it and smoothed, radii a frame.
+    count: of those frames.
+    centre: of the last one, metres: the rounded one, and how far from that the centre lies. Two parts keep the digits
+        of steps that are small beside the distance from the origin.
+    velocity, smooth: into it and smoothed, radii a frame.
     moment: its second moments, radii squared. window: shape invariants of the last frames, the newest last.
     """
 
     count: Float[Array, ""]
-    centre: Float[Array, "3"]
+    centre: Float[Array, "2 3"]
     velocity: Float[Array, "3"]
     smooth: Float[Array, "3"]
     moment: Float[Array, "3 3"]
@@ -51,7 +55,9 @@ class MotionState:
 def motion_state(kind: jnp.dtype) -> MotionState:
     """The state before the first frame."""
     zero = jnp.zeros(3, kind)
-    return MotionState(zero[0], zero, zero, zero, jnp.zeros((3, 3), kind), jnp.zeros((WINDOW, SHAPE_FEATURES), kind))
+    return MotionState(
+        zero[0], jnp.zeros((2, 3), kind), zero, zero, jnp.zeros((3, 3), kind), jnp.zeros((WINDOW, SHAPE_FEATURES), kind)
+    )
 
 
 def feature_count(config: MambaSplatConfig) -> int:
@@ -64,7 +70,7 @@ def features_after(
     state: MotionState,
     position: Float[Array, "time token 3"],
     weights: Float[Array, "time token"],
-    centre: Float[Array, "time 3"],
+    centre: Float[Array, "time 2 3"],
     radius: Float[Array, "time"],
     config: MambaSplatConfig,
 ) -> tuple[Float[Array, "time feature"], MotionState]:
@@ -74,7 +80,7 @@ def features_after(
         state: of the frames before.
         position: Gaussians about their frame's centre, in units of its radius.
         weights: of tokens, 0 for those that do not count.
-        centre: weighted mean of each frame, metres.
+        centre: weighted mean of each frame, metres, in two parts as in the state.
         radius: that of each frame's normalisation, metres.
         config: which groups of numbers are wanted.
     """
@@ -93,8 +99,8 @@ def _read(
     state: MotionState, position: Array, weights: Array, centre: Array, radius: Array, config: MambaSplatConfig
 ) -> tuple[Float[Array, "feature"], MotionState]:
     share = weights / jnp.maximum(weights.sum(), 1e-9)
-    moment = jnp.einsum("n,ni,nj->ij", share, position, position)
-    velocity = jnp.where(state.count > 0, (centre - state.centre) / radius, 0.0)
+    moment = pairwise_sum(share[:, None, None] * position[:, :, None] * position[:, None])
+    velocity = jnp.where(state.count > 0, (centre - state.centre).sum(axis=0) / radius, 0.0)
     smooth = jnp.where(state.count > 1, state.smooth + _SMOOTHING * (velocity - state.smooth), velocity)
     window, parts = state.window, []
     if config.shape_features or config.spectrum_features:
@@ -140,7 +146,7 @@ def shape_features(
     the largest; distances from the centre below which 10, 50, 90 and 100 % of the tokens lie; |E[|x|²x]| and |E[xxx]|,
     which vanish for bodies that are their own point reflection; E[|x|⁴]/(2 E[|x|²]²).
     """
-    axes = jnp.sqrt(jnp.maximum(jnp.linalg.eigvalsh(moment)[::-1], 0.0) + 1e-6)
+    axes = jnp.sqrt(_principal_variances(position, share, moment) + 1e-6)
     square = jnp.sum(position**2, axis=-1)
     ordered = jnp.sort(jnp.where(mask, jnp.sqrt(square + 1e-12), jnp.inf))
     last = jnp.maximum(mask.sum() - 1, 0).astype(position.dtype)
@@ -149,10 +155,25 @@ def shape_features(
     upper = jnp.minimum(lower + 1, last.astype(int))
     low, high = (jnp.where(jnp.isfinite(ordered[i]), ordered[i], 0.0) for i in (lower, upper))
     quantiles = low + (rank - lower.astype(rank.dtype)) * (high - low)
-    third = _length(jnp.einsum("n,ni,nj,nk->ijk", share, position, position, position))
-    skewness = _length((share * square) @ position)
-    peak = share @ square**2 / (2 * (share @ square) ** 2 + 1e-6)
+    weighted = share[:, None] * position
+    third = _length(pairwise_sum(jnp.einsum("ni,nj,nk->nijk", weighted, position, position)))
+    skewness = _length(pairwise_sum(square[:, None] * weighted))
+    peak = pairwise_sum(share * square**2) / (2 * pairwise_sum(share * square) ** 2 + 1e-6)
     return jnp.concatenate([axes, axes[1:] / axes[0], quantiles, jnp.stack([skewness, third, peak])])
+
+
+def _principal_variances(
+    position: Float[Array, "token 3"], share: Float[Array, "token"], moment: Float[Array, "3 3"]
+) -> Float[Array, "3"]:
+    """Variances along the principal axes, the largest first.
+
+    Solvers round each eigenvalue by 1e-7 of the largest, which is much of a thin body's thickness. Here only the axes
+    are theirs; the variance along an axis is a sum of squares, to which an error of the axis is of second order
+    (Rayleigh's quotient, Golub & Van Loan 2013, §8.2). So the axes are constants to a gradient, too.
+    """
+    axes = jax.lax.stop_gradient(jnp.linalg.eigh(moment)[1][:, ::-1])
+    along = position @ axes
+    return pairwise_sum(share[:, None] * along * along) / jnp.sum(axes * axes, axis=0)
 
 
 def flight_features(before: MotionState, now: MotionState) -> Float[Array, "5"]:

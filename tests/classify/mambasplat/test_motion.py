@@ -30,7 +30,7 @@ normalised = jax.jit(normalise_clip, static_argnums=2)
 
 def features(clip, mask=None, config=MOVING):
     mask = jnp.ones(clip.shape[:2], bool) if mask is None else mask
-    return np.asarray(normalised(clip, mask, config)[1])
+    return np.asarray(normalised(clip, mask, config).extra)
 
 
 def flight(steps, rotations=None):
@@ -135,7 +135,7 @@ def test_the_classifier_reads_them():
 def test_a_clip_at_rest_has_finite_gradients():
     clip = jnp.broadcast_to(random_clip(1, time=1, tokens=8), (3, 8, 14))
     mask = jnp.ones((3, 8), bool)
-    slope = jax.jit(jax.grad(lambda clip: jnp.sum(normalise_clip(clip, mask, MOVING)[1] ** 2)))
+    slope = jax.jit(jax.grad(lambda clip: jnp.sum(normalise_clip(clip, mask, MOVING).extra ** 2)))
     assert jnp.isfinite(slope(clip)).all() and jnp.isfinite(slope(jnp.zeros_like(clip))).all()
 
 
