@@ -35,7 +35,7 @@ def flatten(source: str, target: str) -> dict[str, object]:
         stage = Usd.Stage.Open(source)
     except Tf.ErrorException as error:
         return {"refused": "unreadable", "why": _last_line(error)}
-    broken = [(type(error).__name__, str(error)) for error in stage.GetCompositionErrors()]
+    broken = [(type(error).__name__, _words(error)) for error in stage.GetCompositionErrors()]
     try:
         while instances := [prim for prim in stage.TraverseAll() if prim.IsInstance()]:
             for prim in instances:
@@ -47,7 +47,15 @@ def flatten(source: str, target: str) -> dict[str, object]:
 
 
 def _last_line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[-1].strip()
+    return (_words(error).strip().splitlines() or [type(error).__name__])[-1].strip()
+
+
+def _words(error: object) -> str:
+    """What USD says, which quotes the file's bytes, whatever they are."""
+    try:
+        return str(error)
+    except UnicodeDecodeError:
+        return type(error).__name__
 
 
 def _bound(kind: int, value: int) -> None:

@@ -79,7 +79,7 @@ def read_config(path: Path) -> object:
 TARGETS: dict[str, Callable[[], Target]] = {
     "ply": lambda: Target(inputs.splat_plys(), only_file(read_placed_ply, ".ply"), 4.0),
     "compressed_ply": lambda: Target(inputs.compressed_plys(), only_file(read_placed_ply, ".ply"), 3.0),
-    "usd_splats": lambda: Target(inputs.splat_stages(), only_file(read_placed_usd, ".usda", ".usdc"), 2.0),
+    "usd_splats": lambda: Target(inputs.splat_stages(), only_file(read_placed_usd, ".usda", ".usdc"), 0.3),
     "safetensors": lambda: Target(({"a.safetensors": inputs.weights()},), only_file(load_classifier, ".safetensors")),
     "pt": lambda: Target(({"a.pt": inputs.torch_archive()},), only_file(read_state_dict, ".pt"), 4.0),
     "clip": lambda: Target(({"a.npz": inputs.clip()},), only_file(load_clip, ".npz"), 3.0),
@@ -104,9 +104,11 @@ TARGETS: dict[str, Callable[[], Target]] = {
     ),
     "mesh": lambda: Target(inputs.meshes(), only_file(load_mesh_file, ".stl", ".ply"), 2.0),
     "obj": lambda: Target((inputs.wavefront(),), only_file(load_wavefront, ".obj"), 3.0),
-    "usd": lambda: Target((inputs.stage(),), only_file(open_source, ".usda", animation="first", speed=1.0), 2.0),
+    "usd": lambda: Target((inputs.stage(),), only_file(open_source, ".usda", animation="first", speed=1.0), 0.3),
 }
-"""Targets by the name of their format; inputs are made when they are asked for."""
+"""Targets by the name of their format; inputs are made when they are asked for.
+
+USD's are drawn seldom, since a process starts for each."""
 
 
 def make_targets(names: Iterable[str]) -> dict[str, Target]:

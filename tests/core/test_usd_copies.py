@@ -59,6 +59,14 @@ def test_what_leads_nowhere_is_told(tmp_path):
         assert all("part.usdc" in words for _, words in copy.broken)
 
 
+def test_words_that_are_no_text_are_refused(tmp_path):
+    path = tmp_path / "a.usda"
+    path.write_bytes(b'#usda 1.0\ndef Xform "W\xff\xfe" {\n    \xff = \xfe\n')
+    with pytest.raises(UserError, match=r"a\.usda is not a readable USD file") as refused, usd_copy(path):
+        pass
+    assert refused.value.code == "unreadable"
+
+
 def test_a_reader_that_crashes_is_told(tmp_path, monkeypatch):
     path, program = write_parts(tmp_path), tmp_path / "crashing.py"
     program.write_text("import os\nos.abort()\n")
