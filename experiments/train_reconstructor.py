@@ -67,7 +67,8 @@ def _scenes(config: Config, split: str, most: int | None) -> ViewSet:
 def main(config: Config, run: Run) -> None:
     """Train; write weights with what made them, and metrics.json last. Of several processes the first one writes."""
     keep_freed_memory()
-    jax.config.update("jax_num_cpu_devices", config.cpu_devices)
+    if config.cpu_devices > 1:
+        jax.config.update("jax_num_cpu_devices", config.cpu_devices)
     join_processes(config.distribution)
     console, begin = Console(quiet=not is_first_process()), time.perf_counter()
     if not isinstance(config.model, TrainableConfig):
