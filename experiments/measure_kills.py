@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,10 +16,11 @@ from rich.table import Table
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
+from aerojax.core.provenance import commit, provenance
+from aerojax.core.seeds import seed_of
 from aerojax.evaluate.kills.outputs import FOREIGN, UNFINISHED, VOLATILE
-from aerojax.evaluate.kills.trials import KillRow, try_target
-from experiments._kills.acts import ACTS, FACTORY_ACT, IGNORED, ROOT, make_inputs, targets
+from aerojax.evaluate.kills.trials import try_target
+from experiments._kills.acts import ACTS, IGNORED, ROOT, make_inputs, targets
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -41,21 +43,21 @@ class Config:
     only: tuple[str, ...] = ()
 
 
-def measure(config: Config, folder: Path) -> Iterator[dict[str, KillRow]]:
-    """The rows after each act; they share the kills as evenly as may be."""
+def measure(config: Config, folder: Path, rows: dict[str, dict[str, Any]]) -> Iterator[dict[str, dict[str, Any]]]:
+    """The rows after each act; they share the kills as evenly as may be. Acts that have a row are not killed again."""
     cache = {"JAX_COMPILATION_CACHE_DIR": str(folder / "cache"), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"}
     environment = {**cache, "JAX_PLATFORMS": "cpu"}
-    if set(config.only) != {FACTORY_ACT}:
-        make_inputs(folder / "inputs", environment)
+    chosen = config.only or ACTS
+    make_inputs(folder / "inputs", environment, [name for name in chosen if name not in rows])
     known = targets(folder / "inputs")
-    chosen = {name: known[name] for name in config.only or known}
-    rows: dict[str, KillRow] = {}
     with progress_bar() as bar:
-        for number, (name, target) in enumerate(chosen.items()):
+        for number, name in enumerate(chosen):
             share = config.kills // len(chosen) + (number < config.kills % len(chosen))
             task = bar.add_task(name, total=share)
-            rows[name] = try_target(
-                target,
+            if name in rows:
+                continue
+            row = try_target(
+                known[name],
                 name,
                 folder / f"act_{number}",
                 root=ROOT,
@@ -64,14 +66,25 @@ def measure(config: Config, folder: Path) -> Iterator[dict[str, KillRow]]:
                 seed=config.seed,
                 progress=lambda done, total, what, task=task: bar.update(task, completed=done),
             )
+            rows = {**rows, name: {"act": name, **asdict(row), "commit": commit()}}
             yield rows
 
 
-def summary(rows: Mapping[str, KillRow]) -> dict[str, Any]:
+def earlier(path: Path, config: Config) -> dict[str, dict[str, Any]]:
+    """Rows without failures of a call that was stopped: of these acts, and of this seed."""
+    if not path.is_file():
+        return {}
+    found = json.loads(path.read_text(encoding="utf-8"))
+    good = [row for row in found["acts"] if not row["failures"] and row["act"] in (config.only or ACTS)]
+    good = [row for row in good if row["seed"] == seed_of("kills", config.seed, row["act"])]
+    return {row["act"]: {"commit": found["commit"], **row} for row in good}
+
+
+def summary(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """Sums, and a row an act; JSON-ready."""
-    sums: dict[str, Any] = {name: sum(getattr(row, name) for row in rows.values()) for name in ("kills", "byte_equal")}
-    sums["failures"] = sum(len(row.failures) for row in rows.values())
-    return {**sums, "acts": [{"act": name, **asdict(row)} for name, row in rows.items()]}
+    sums: dict[str, Any] = {name: sum(row[name] for row in rows.values()) for name in ("kills", "byte_equal")}
+    sums["failures"] = sum(len(row["failures"]) for row in rows.values())
+    return {**sums, "acts": list(rows.values())}
 
 
 def show(acts: Sequence[Mapping[str, Any]], console: Console) -> None:
@@ -88,13 +101,14 @@ def show(acts: Sequence[Mapping[str, Any]], console: Console) -> None:
 
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
-    """Write results.json; code 1 if an act left something else than it should."""
+    """Write results.json after each act, and go on from it; code 1 if an act left something else than it should."""
     if unknown := sorted(set(config.only) - set(ACTS)):
         raise UserError("out-of-range", f"only={unknown} are no acts", f"known are {', '.join(ACTS)}")
-    results: dict[str, Any] = {}
+    rows = earlier(run.directory / "results.json", config)
+    results = summary(rows)
     with tempfile.TemporaryDirectory() as folder:
-        for rows in measure(config, Path(folder)):
-            results = summary(rows)
+        for reached in measure(config, Path(folder), rows):
+            results = summary(reached)
             notes = {"left_out": LEFT_OUT, "seed": config.seed, "command": run.command, **provenance(run.overrides)}
             notes["date"] = datetime.now(UTC).isoformat(timespec="seconds")
             write_json(run.directory / "results.json", {**results, **notes})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from aerojax.evaluate.kills.processes import run_command
@@ -26,11 +26,14 @@ TINY = tuple(f"model.{name}" for name in ("token_features=8", "token_invariants=
 GROWING = ("*history.jsonl", "*checkpoints/*", "*events.out*")
 IGNORED = ("*checkpoints/*", "*weights.md")
 """What training keeps for itself, and pages that state minutes in a sentence."""
-FACTORY_ACT = "generate_clips"
-"""The act that works on nothing."""
+ON_NOTHING = frozenset({"generate_dataset", "generate_clips"})
+"""Acts that work on nothing."""
+ON_SCENES = "train_reconstructor"
+ON_CLIPS = ("train_classifier", "compare_classifiers")
+"""How the names of acts that work on clips begin."""
 ACTS = (
-    *("generate_dataset", "reconstruct_dataset", FACTORY_ACT, "train_classifier classify=views"),
-    *("train_classifier classify=mambasplat", "train_reconstructor", "fit_gaussians", "export_dataset"),
+    *("generate_dataset", "reconstruct_dataset", "generate_clips", "train_classifier classify=views"),
+    *("train_classifier classify=mambasplat", ON_SCENES, "fit_gaussians", "export_dataset"),
     "compare_classifiers -m",
 )
 FORMATS = "[coco,yolo,mot,colmap,nerfstudio,replicator]"
@@ -41,19 +44,23 @@ def act(name: str, *overrides: str, out: Path) -> tuple[str, ...]:
     return (sys.executable, "-m", f"experiments.{name}", *overrides, f"hydra.run.dir={out}/run")
 
 
-def make_inputs(folder: Path, environment: Mapping[str, str]) -> None:
-    """Two sequences, clips of every split, and scenes of two, that the other acts work on.
+def make_inputs(folder: Path, environment: Mapping[str, str], acts: Collection[str]) -> None:
+    """What these acts work on: two sequences, clips of every split, scenes of two.
 
     Raises:
-        RuntimeError: one of the acts fails.
+        RuntimeError: one of the acts that make them fails.
     """
-    commands = [act("generate_dataset", *SEQUENCES, f"folder={folder}/data", out=folder / "sequences")]
-    for split in ("train", "val", "test"):
-        where = (f"folder={folder}/clips", f"split={split}")
-        commands.append(act("generate_clips", *FACTORY, *where, out=folder / f"factory_{split}"))
-    for split in ("train", "val"):
-        where = (f"folder={folder}/views", f"split={split}")
-        commands.append(act("generate_views", *SCENES, *where, out=folder / f"views_{split}"))
+    commands = []
+    if not ON_NOTHING.issuperset(acts):
+        commands.append(act("generate_dataset", *SEQUENCES, f"folder={folder}/data", out=folder / "sequences"))
+    if any(name.startswith(ON_CLIPS) for name in acts):
+        for split in ("train", "val", "test"):
+            where = (f"folder={folder}/clips", f"split={split}")
+            commands.append(act("generate_clips", *FACTORY, *where, out=folder / f"factory_{split}"))
+    if ON_SCENES in acts:
+        for split in ("train", "val"):
+            where = (f"folder={folder}/views", f"split={split}")
+            commands.append(act("generate_views", *SCENES, *where, out=folder / f"views_{split}"))
     for command in commands:
         ended = run_command(command, folder=ROOT, environment=environment)
         if ended.code != 0:

@@ -32,7 +32,7 @@ def run_command(
     environment: Mapping[str, str],
     kill_after: float | None = None,
     whole_group: bool = False,
-    limit: float = 600.0,
+    limit: float = 1800.0,
 ) -> Ended:
     """Run a command in a process group of its own, and kill it (SIGKILL) at a moment if it still runs then.
 
