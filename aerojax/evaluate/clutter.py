@@ -6,13 +6,15 @@ the last two lies behind the objects; nothing of it meets in space, because ever
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, UInt16
 
 from aerojax.core.seeds import seed_of
+from aerojax.core.types import FrameSet
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class _Crown:
     """A tree's crown: its centre, half axes, leaves (grey values, larger than the image of it), phase and frequency."""
 
     box: tuple[int, int, int, int]
-    leaves: Float32[np.ndarray, "rows columns"]
+    leaves: Float32[np.ndarray, "leaf_rows leaf_columns"]
     inside: Float32[np.ndarray, "rows columns"]
     phase: float
     frequency: float
@@ -80,16 +82,24 @@ class Clutter:
         """
         behind = self._shaded(self._waving(self._clouded(image, frame), frame), frame)
         mixed = behind + coverage[..., None] * (image - behind)
+        mixed, coverage = self._swayed(mixed, frame), self._swayed(coverage, frame)
         rng = np.random.default_rng(seed_of(self._seed, frame))
-        right, down = self._config.sway_px * np.clip(rng.normal(size=2), -2, 2) * 0.6
-        moved = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
-        mixed, coverage = (
-            cv2.warpAffine(one, moved, self._size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            for one in (mixed, coverage)
-        )
         light = 1 + self._config.drift * np.sin(2 * np.pi * frame / 90 + self._turn)
         noise = rng.normal(scale=self._config.noise, size=mixed.shape) if self._config.noise else 0.0
         return np.clip(mixed * light + noise, 0, 1).astype(np.float32), coverage
+
+    def ids(self, ids: UInt16[np.ndarray, "height width"], frame: int) -> UInt16[np.ndarray, "height width"]:
+        """A mask of instances where the swaying camera sees them: each where it covers a pixel by more than half."""
+        moved = np.zeros_like(ids)
+        for number in np.unique(ids[ids > 0]):
+            moved[self._swayed((ids == number).astype(np.float32), frame) > 0.5] = number
+        return moved
+
+    def _swayed(self, image: np.ndarray, frame: int) -> np.ndarray:
+        rng = np.random.default_rng(seed_of(self._seed, "sway", frame))
+        right, down = 0.6 * self._config.sway_px * np.clip(rng.normal(size=2), -2, 2)
+        moved = np.array([[1.0, 0.0, right], [0.0, 1.0, down]])
+        return cv2.warpAffine(image, moved, self._size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
 
     def _clouded(self, image: np.ndarray, frame: int) -> np.ndarray:
         width, start = self._size[0], self._config.cloud_px * frame % 512
@@ -137,6 +147,24 @@ class Clutter:
             inside = np.clip((1 - np.hypot(u, v)) * across / edge, 0, 1) * (np.arange(height) > 0.5 * height)[:, None]
             image = image * (1 - 0.4 * inside[..., None]).astype(np.float32)
         return image
+
+
+def cluttered(frames: FrameSet, clutter: Sequence[Clutter]) -> FrameSet:
+    """The frames with each camera's clutter behind what its masks name; without an image or masks nothing changes."""
+    pairs = [
+        (image, ids) if image is None or ids is None else _seen(one, image, ids, frames.frame)
+        for one, image, ids in zip(clutter, frames.rgb, frames.ids, strict=True)
+    ]
+    return replace(frames, rgb=tuple(image for image, _ in pairs), ids=tuple(ids for _, ids in pairs), coverage=())
+
+
+def _seen(
+    clutter: Clutter,
+    image: Float32[np.ndarray, "height width 3"],
+    ids: UInt16[np.ndarray, "height width"],
+    frame: int,
+) -> tuple[Float32[np.ndarray, "height width 3"], UInt16[np.ndarray, "height width"]]:
+    return clutter.seen(image, (ids > 0).astype(np.float32), frame)[0], clutter.ids(ids, frame)
 
 
 def _fractal(rng: np.random.Generator, width: int, height: int) -> Float32[np.ndarray, "rows columns"]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from aerojax.segment.voxel_vote.mixture import Mixture, mixture_of
 from aerojax.segment.voxel_vote.registration import (
     LEAST_OFFSET,
     STILL,
@@ -20,7 +22,7 @@ from aerojax.segment.voxel_vote.registration import (
     slopes,
 )
 
-GAIN_BLOCK = 32
+GAIN_BLOCK = 16
 """Columns of blocks in which the illumination is compared: a block is larger than what flies, smaller than a cloud."""
 MOST_LOCAL_GAIN = 1.2
 """Brightness of one region against the whole image's; what differs more is no change of light."""
@@ -28,6 +30,8 @@ DARK = 0.02
 """Added to both sides of a ratio of brightness, sRGB: black has none."""
 GREATEST_DEVIATION = 0.15
 """SRGB; an object that was not recognised must not blind its pixels."""
+USUAL = 10.0
+"""Standard deviation of a pixel that the mixture calls background, sRGB: nothing differs from it."""
 EVERY = 3
 """Frames from one update of a camera's background to the next: it changes slowly, and an update costs a third."""
 _STRIP = 1 << 18
@@ -38,12 +42,15 @@ _STRIP = 1 << 18
 class BackgroundConfig:
     """How a background is learnt.
 
+    model: mean and variance alone (`running`), or OpenCV's mixture of Gaussians besides, which knows several values of
+        a pixel that comes and goes, costs more and cannot be stored (`mixture`).
     memory: frames after which a change has become background to 63 %.
     warm_up: frames before a background that nothing is known of; one in three is kept, and their median begins it.
     noise: least standard deviation of a pixel, sRGB.
     registration_px: standard deviation of what is left of a camera's sway, pixels: steep pixels vary that much more.
     """
 
+    model: Literal["running", "mixture"] = "running"
     memory: float = 90.0
     warm_up: int = 24
     noise: float = 0.008
@@ -56,12 +63,14 @@ class Background:
 
     mean: sRGB. variance: of the channel that varies most. grey: `coarse` of the mean, with which frames are registered.
     before: the last image's grey values, where the mean stands; None before there is one.
+    mixture: where the configuration asks for one.
     """
 
     mean: Float32[np.ndarray, "height width 3"]
     variance: Float32[np.ndarray, "height width"]
     grey: Float32[np.ndarray, "rows columns"]
     before: Float32[np.ndarray, "height width"] | None = None
+    mixture: Mixture | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +105,10 @@ def learnt(images: Sequence[UInt8[np.ndarray, "height width 3"]], config: Backgr
         mean[part] = middle * np.float32(1 / 255)
         spread[part] = _median([np.abs(one - middle) for one in values]) * np.float32(1.4826 / 255)
     mean, deviation = mean.reshape(shape), largest_channel(spread.reshape(shape))
-    return Background(mean, np.minimum(deviation, GREATEST_DEVIATION) ** 2, coarse(mean))
+    known = Background(mean, np.minimum(deviation, GREATEST_DEVIATION) ** 2, coarse(mean))
+    if config.model == "running":
+        return known
+    return replace(known, mixture=mixture_of(images, _bytes(mean), max(1, round(config.memory))))
 
 
 def _median(values: Sequence[np.ndarray]) -> Float32[np.ndarray, "value"]:
@@ -135,7 +147,12 @@ def difference_of(
     variance = displaced(known.variance, offset) + np.float32(noise**2)
     variance += np.float32(config.registration_px**2) * slope * slope
     recent = None if known.before is None else cv2.absdiff(grey(image), displaced(known.before, offset))
-    return Difference(size, np.sqrt(variance), predicted, offset, recent)
+    seen = Difference(size, np.sqrt(variance), predicted, offset, recent)
+    if known.mixture is None:
+        return seen
+    moves = known.mixture.foreground(_bytes(as_background(image, seen, known)))
+    usual = displaced((~moves).astype(np.uint8), offset) > 0
+    return replace(seen, deviation=np.where(usual, np.float32(USUAL), seen.deviation))
 
 
 def after(
@@ -160,7 +177,11 @@ def after(
     rate = min(1.0, EVERY / config.memory)
     cv2.accumulateWeighted(steady, mean, rate, free)
     cv2.accumulateWeighted(squared * squared, variance, min(1.0, 2 * rate), free)
-    return replace(known, mean=mean, variance=variance, grey=coarse(mean))
+    mixture = known.mixture
+    if mixture is not None:
+        shown = np.where(free[..., None] > 0, as_background(image, seen, known), known.mean)
+        mixture = mixture.after(_bytes(shown), rate)
+    return replace(known, mean=mean, variance=variance, grey=coarse(mean), mixture=mixture)
 
 
 def followed(image: Float32[np.ndarray, "height width 3"], seen: Difference, known: Background) -> Background:
@@ -168,9 +189,22 @@ def followed(image: Float32[np.ndarray, "height width 3"], seen: Difference, kno
     return replace(known, before=displaced(grey(image), (-seen.offset[0], -seen.offset[1])))
 
 
+def as_background(
+    image: Float32[np.ndarray, "height width 3"], seen: Difference, known: Background
+) -> Float32[np.ndarray, "height width 3"]:
+    """An image in the background's light, where the background stands."""
+    light = displaced(known.mean, seen.offset) + np.float32(DARK)
+    light /= cv2.max(seen.predicted + np.float32(DARK), 1e-3)
+    return displaced(image * light, (-seen.offset[0], -seen.offset[1]))
+
+
 def grey(image: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width"]:
     """Luma of an sRGB image."""
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+
+
+def _bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+    return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
 def largest_channel(image: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width"]:

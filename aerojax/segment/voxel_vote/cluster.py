@@ -57,7 +57,7 @@ class Candidate:
 def candidates(
     voxels: Voxels,
     cameras: Sequence[CaptureCamera],
-    weights: Sequence[Float32[np.ndarray, "height width"] | None],
+    weights: Sequence[Float32[np.ndarray, "_ _"] | None],
     config: VoteConfig,
 ) -> list[Candidate]:
     """The objects of one frame, those that most cameras see first.
@@ -70,7 +70,7 @@ def candidates(
         voxels: from `vote`.
         weights: that they were voted from.
     """
-    groups = [voxels[members] for members in _groups(voxels)]
+    groups = [part for members in _groups(voxels) for part in _cores(voxels[members], config)]
     groups = sorted(groups, key=_rank, reverse=True)[:MOST_CANDIDATES]
     claimed = [None if weight is None else np.zeros(weight.shape, bool) for weight in weights]
     found = []
@@ -80,7 +80,7 @@ def candidates(
         )
         own = sum(_is_own(r, w, c, config.least_px) for r, w, c in zip(regions, weights, claimed, strict=True))
         watched = int(group.seen.any(axis=1).sum())
-        needed = int(needed_views(np.array(watched), config))
+        needed = int(needed_views(np.array([watched]), config)[0])
         if own < max(min(2, watched), needed - 1):
             continue
         for region, taken in zip(regions, claimed, strict=True):
@@ -129,6 +129,16 @@ def _groups(voxels: Voxels) -> list[Int[np.ndarray, "_"]]:
     number, labels = connected_components(graph, directed=False)
     order = np.argsort(labels, kind="stable")
     return np.split(order, np.cumsum(np.bincount(labels, minlength=number))[:-1])
+
+
+def _cores(group: Voxels, config: VoteConfig) -> list[Voxels]:
+    """Its parts that all but one of the cameras agree on that agree anywhere in it, and that do not touch.
+
+    Where few cameras are needed, the cones of the others reach far from an object, and into those of the next one.
+    """
+    agreeing = (group.votes >= config.least_px).sum(axis=0)
+    core = group[agreeing >= agreeing.max() - 1]
+    return [group] if len(core.half) == len(group.half) else [core[members] for members in _groups(core)]
 
 
 def _rank(group: Voxels) -> tuple[int, float]:

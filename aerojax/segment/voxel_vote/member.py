@@ -19,19 +19,23 @@ from aerojax.segment.voxel_vote.background import (
     BackgroundConfig,
     Difference,
     after,
+    as_background,
     difference_of,
     followed,
     learnt,
 )
 from aerojax.segment.voxel_vote.cluster import Candidate, candidates
 from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
+from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.objects import Known, ObjectsConfig, linked
-from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, widened
+from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, widened, without
 from aerojax.segment.voxel_vote.volume import Volume, monitored_volume
 from aerojax.segment.voxel_vote.vote import VoteConfig, vote
 
 PREVIEWED = 15
 """Images whose median is the background."""
+RELEARNT = 2
+"""Times that a previewed background is learnt anew without the objects that it shows; the second knows them better."""
 KEPT_OF = 3
 """Of the frames before a background is known one in so many is kept."""
 AROUND = 4
@@ -112,17 +116,16 @@ class VoxelVoteSegmenter:
             for kept, image in zip(images, frames.rgb, strict=True):
                 if image is not None:
                     kept.append(_bytes(image))
-        learn = self.config.background
-        known = tuple(CameraState(learnt(one, learn)) if one else CameraState() for one in images)
-        return VoxelVoteState(volume, known)
+        known = tuple(learnt(one, self.config.background) if one else None for one in images)
+        for _ in range(RELEARNT):
+            known = self._without_lingering(volume, known, images)
+        return VoxelVoteState(volume, tuple(CameraState(one) for one in known))
 
     def step(self, frames: FrameSet, state: VoxelVoteState) -> tuple[list[Silhouette], VoxelVoteState]:
         """Silhouettes of all objects that are believed, best known first, and the next state."""
         config = self.config
         moving = [self._moving(image, one) for image, one in zip(frames.rgb, state.cameras, strict=True)]
-        weights = [None if one is None else one.weight for one in moving]
-        found = candidates(vote(state.volume, weights, config.vote), state.volume.cameras, weights, config.vote)
-        found = [one for one in found if not _is_light(one, moving)]
+        found = self._found(state.volume, moving)
         changing = [_changes(one, moving) for one in found]
         now, lost = linked(state.objects, found, changing, frames.time_s, state.numbers, config.objects)
         numbers = max([state.numbers, *(one.number for one in now)])
@@ -133,9 +136,40 @@ class VoxelVoteSegmenter:
             for index, (image, one, known) in enumerate(zip(frames.rgb, moving, state.cameras, strict=True))
         )
         believed = sorted((pair for pair in pairs if pair[0].believed), key=lambda pair: -pair[0].found)
-        masks = [self._silhouettes(one.number, candidate, moving) for one, candidate in believed]
-        after_this = VoxelVoteState(state.volume, cameras, (*now, *lost), numbers)
-        return [one for many in masks for one in many], after_this
+        masks = [
+            one
+            for known, candidate in believed
+            for one in self._silhouettes(known.number, candidate, [c for _, c in pairs], moving, state.volume.cameras)
+        ]
+        return masks, VoxelVoteState(state.volume, cameras, (*now, *lost), numbers)
+
+    def _without_lingering(
+        self, volume: Volume, known: Sequence[Background | None], images: Sequence[Sequence[UInt8[np.ndarray, "_ _ 3"]]]
+    ) -> tuple[Background | None, ...]:
+        """Backgrounds without objects that stay, where all cameras recorded the same frames."""
+        count = min(len(one) for one in images)
+        if max(len(one) for one in images) > count or not count:
+            return tuple(known)
+        shown: list[list[np.ndarray]] = [[] for _ in images]
+        outlines: list[list[list[np.ndarray]]] = [[] for _ in images]
+        for frame in range(0, count, 2):
+            moving = [self._moving(_floats(one[frame]), CameraState(k)) for one, k in zip(images, known, strict=True)]
+            found = self._found(volume, moving)
+            for camera, (one, before) in enumerate(zip(moving, known, strict=True)):
+                if one is not None and before is not None:
+                    regions = [candidate.regions[camera] for candidate in found]
+                    outlines[camera].append([outline_of(region) for region in regions if region is not None])
+                    shown[camera].append(as_background(one.image, one.seen, before))
+        return tuple(
+            None if one is None else without_lingering(one, images, kept)
+            for one, images, kept in zip(known, shown, outlines, strict=True)
+        )
+
+    def _found(self, volume: Volume, moving: Sequence[_Moving | None]) -> list[Candidate]:
+        """What moves at one place, and is no shadow."""
+        weights, config = [None if one is None else one.weight for one in moving], self.config.vote
+        found = candidates(vote(volume, weights, config), volume.cameras, weights, config)
+        return [one for one in found if not _is_light(one, moving)]
 
     def _moving(self, image: Float32[np.ndarray, "height width 3"] | None, known: CameraState) -> _Moving | None:
         if image is None or known.background is None:
@@ -173,13 +207,25 @@ class VoxelVoteSegmenter:
             return CameraState(None, images, known.seen + 1)
         return CameraState(learnt(images, self.config.background))
 
-    def _silhouettes(self, number: int, one: Candidate, moving: Sequence[_Moving | None]) -> list[Silhouette]:
-        """One object's silhouettes in all cameras that show it."""
+    def _silhouettes(
+        self,
+        number: int,
+        one: Candidate,
+        others: Sequence[Candidate],
+        moving: Sequence[_Moving | None],
+        cameras: Sequence[CaptureCamera],
+    ) -> list[Silhouette]:
+        """One object's silhouettes in all cameras that show it; what nearer objects hide is theirs."""
         found = []
-        for camera, (region, cue) in enumerate(zip(one.regions, moving, strict=True)):
-            if region is not None and cue is not None:
-                coverage = coverage_of(region, cue.seen, cue.weight, self.config.masks)
-                found.append(silhouette_of(camera, number, coverage))
+        for index, (region, cue, camera) in enumerate(zip(one.regions, moving, cameras, strict=True)):
+            if region is None or cue is None:
+                continue
+            place = camera.world_from_cam[:3, 3]
+            depth = np.linalg.norm(one.centre - place)
+            hiding = [c.regions[index] for c in others if c is not one and np.linalg.norm(c.centre - place) < depth]
+            visible = without(region, [other for other in hiding if other is not None])
+            coverage = coverage_of(visible, cue.seen, cue.weight, self.config.masks)
+            found.append(silhouette_of(index, number, coverage))
         return [one for one in found if one is not None]
 
 
@@ -205,6 +251,10 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
     said = [unlike_background(cue.image, cue.seen, cue.weight, region) for region, cue in pairs]
     said = [unlike for unlike in said if unlike is not None]
     return bool(said) and float(np.median(said)) < UNLIKE
+
+
+def _floats(image: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width 3"]:
+    return image.astype(np.float32) / 255
 
 
 def _bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:

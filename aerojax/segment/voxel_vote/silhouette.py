@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -72,6 +73,19 @@ def widened(region: Region, shape: tuple[int, int], margin: int) -> Region:
     inside[y - y0 : y - y0 + rows, x - x0 : x - x0 + columns] = region.inside
     square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
     return Region((x0, y0), cv2.dilate(inside, square) > 0)
+
+
+def without(region: Region, others: Sequence[Region]) -> Region:
+    """A region without the pixels of others."""
+    inside, (x, y) = region.inside.copy(), region.corner
+    rows, columns = inside.shape
+    for other in others:
+        left, top = other.corner[0] - x, other.corner[1] - y
+        height, width = other.inside.shape
+        here = np.s_[max(top, 0) : max(min(top + height, rows), 0), max(left, 0) : max(min(left + width, columns), 0)]
+        there = np.s_[max(-top, 0) : max(rows - top, 0), max(-left, 0) : max(columns - left, 0)]
+        inside[here] &= ~other.inside[there]
+    return Region(region.corner, inside)
 
 
 def _with_motion(

@@ -65,14 +65,14 @@ class Voxels:
         return Voxels(self.centres[kept], self.half[kept], self.votes[:, kept], self.seen[:, kept])
 
 
-def needed_views(seen: Int[np.ndarray, "*place"], config: VoteConfig) -> Int[np.ndarray, "*place"]:
+def needed_views(seen: Int[np.ndarray, "place"], config: VoteConfig) -> Int[np.ndarray, "place"]:
     """How many of the cameras that see a place must agree."""
     if config.views:
         return np.full_like(seen, config.views)
     return np.maximum(np.minimum(seen, FEWEST_VIEWS), np.ceil(SHARE * seen - 1e-9).astype(seen.dtype))
 
 
-def vote(volume: Volume, weights: Sequence[Float32[np.ndarray, "height width"] | None], config: VoteConfig) -> Voxels:
+def vote(volume: Volume, weights: Sequence[Float32[np.ndarray, "_ _"] | None], config: VoteConfig) -> Voxels:
     """The smallest voxels on which enough cameras agree.
 
     Args:
@@ -80,8 +80,9 @@ def vote(volume: Volume, weights: Sequence[Float32[np.ndarray, "height width"] |
     """
     sums = [None if weight is None else _sums(weight) for weight in weights]
     fewest = min(FEWEST_VIEWS, sum(one is not None for one in sums))
+    # One camera, or none, has nothing to agree with.
+    centres, half = volume.centres if fewest > 1 else volume.centres[:0], volume.half
     leaves: list[Voxels] = []
-    centres, half = volume.centres, volume.half
     for _ in range(MOST_LEVELS):
         found, leaf, solid = _polled(volume, sums, centres, half, config)
         inner = _agreed(found, config, fewest)
@@ -132,8 +133,9 @@ def _polled(
     """
     cameras = volume.cameras
     seen = [seen_by(camera, centres) for camera in cameras]
-    nothing = np.zeros(len(centres))
-    scales = np.stack([o.per_metre * o.near_image(camera, nothing) for o, camera in zip(seen, cameras, strict=True)])
+    around = [np.sqrt(3) * half * one.per_metre for one in seen]
+    touched = [one.near_image(camera, r) for one, camera, r in zip(seen, cameras, around, strict=True)]
+    scales = np.stack([one.per_metre * touches for one, touches in zip(seen, touched, strict=True)])
     leaf_px = max(config.leaf_px, max(camera.width for camera in cameras) / LEAVES)
     watched = np.maximum(np.count_nonzero(scales, axis=0), 1)
     leaf = 2 * half * scales.sum(axis=0) / watched <= leaf_px

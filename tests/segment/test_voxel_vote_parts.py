@@ -1,0 +1,181 @@
+"""The parts of `voxel_vote`: registration, backgrounds, the search of voxels, masks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from support.networks import mask_of, network, position_at
+
+from aerojax.segment.voxel_vote.background import (
+    EVERY,
+    BackgroundConfig,
+    after,
+    difference_of,
+    learnt,
+)
+from aerojax.segment.voxel_vote.cluster import Region, candidates
+from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
+from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
+from aerojax.segment.voxel_vote.registration import STILL, offset_of
+from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, without
+from aerojax.segment.voxel_vote.volume import monitored_volume
+from aerojax.segment.voxel_vote.vote import VoteConfig, needed_views, vote
+
+CONFIG = BackgroundConfig()
+
+
+def mottled(shape=(120, 160), seed=0, scale=2.0):
+    found = cv2.GaussianBlur(np.random.default_rng(seed).normal(size=shape).astype(np.float32), (0, 0), scale)
+    return 0.5 + 0.1 * found / found.std()
+
+
+def coloured(grey):
+    return np.repeat(grey[..., None], 3, axis=-1).astype(np.float32)
+
+
+def bytes_of(image):
+    return np.round(255 * image).astype(np.uint8)
+
+
+@pytest.mark.parametrize("offset", [(0.4, -0.3), (2.5, 1.25), (-5.0, 3.0)])
+def test_a_displacement_is_found_to_a_twentieth_of_a_pixel_whatever_moves_and_shines(offset):
+    still = mottled()
+    moved = np.array([[1.0, 0.0, offset[0]], [0.0, 1.0, offset[1]]])
+    seen = cv2.warpAffine(still, moved, still.shape[::-1], flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+    seen[30:50, 40:70] = 1.0
+    np.testing.assert_allclose(offset_of(1.05 * seen, still), offset, atol=0.05)
+
+
+def test_a_sky_says_nothing_of_displacement_nor_does_what_flies_in_it():
+    sky = np.repeat(np.linspace(0.6, 0.8, 120, dtype=np.float32)[:, None], 160, axis=1)
+    before, now = sky.copy(), sky.copy()
+    before[40:50, 40:60], now[40:50, 46:66] = 0.2, 0.2
+    noise = np.random.default_rng(0).normal(scale=0.004, size=sky.shape).astype(np.float32)
+    assert offset_of(now + noise, before) == STILL == offset_of(sky + noise, sky)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 8, 15])
+def test_a_background_is_the_median_of_its_images(count):
+    images = list(np.random.default_rng(count).integers(0, 256, (count, 12, 16, 3)).astype(np.uint8))
+    median = np.median(np.stack(images), axis=0).astype(np.float32) / 255
+    np.testing.assert_allclose(learnt(images, CONFIG).mean, median, atol=1e-6)
+
+
+def test_brighter_light_is_no_difference_and_an_object_is():
+    still = coloured(mottled())
+    known = learnt([bytes_of(still)] * 5, CONFIG)
+    image = 1.15 * still
+    image[50:60, 70:90] = 0.1
+    seen = difference_of(image, known, CONFIG)
+    weight = motion_weight(image, seen, CueConfig())
+    assert weight[52:58, 72:88].min() == 1.0
+    weight[47:63, 67:93] = 0
+    assert weight.max() == 0
+
+
+def test_what_stays_becomes_background_but_for_objects():
+    still = coloured(mottled())
+    known = learnt([bytes_of(still)] * 5, CONFIG)
+    image = still.copy()
+    image[10:20, 10:20] = image[60:70, 60:70] = 0.95
+    objects = np.zeros(still.shape[:2], bool)
+    objects[60:70, 60:70] = True
+    for _ in range(0, 200, EVERY):
+        known = after(image, difference_of(image, known, CONFIG), known, objects, CONFIG)
+    assert np.abs(known.mean - image)[10:20, 10:20].max() < 0.1
+    np.testing.assert_array_equal(known.mean[60:70, 60:70], bytes_of(still)[60:70, 60:70] * np.float32(1 / 255))
+
+
+def test_a_shadow_keeps_the_texture_and_an_object_has_none_of_it():
+    still = coloured(mottled(scale=1.0))
+    known = learnt([bytes_of(still)] * 5, CONFIG)
+    place = Region((40, 40), np.ones((12, 12), bool))
+    for cover, light in ((lambda patch: 0.5 * patch, True), (lambda patch: np.full_like(patch, 0.15), False)):
+        image = still.copy()
+        image[place.window] = cover(image[place.window])
+        seen = difference_of(image, known, CONFIG)
+        unlike = unlike_background(image, seen, np.ones(still.shape[:2], np.float32), place)
+        assert unlike is not None and (unlike < 0.3) == light
+    plain = learnt([np.full((120, 160, 3), 128, np.uint8)] * 5, CONFIG)
+    seen = difference_of(image, plain, CONFIG)
+    assert unlike_background(image, seen, np.ones(still.shape[:2], np.float32), place) is None
+
+
+def test_how_many_cameras_must_agree():
+    assert needed_views(np.arange(2, 11), VoteConfig()).tolist() == [2, 3, 3, 4, 5, 5, 6, 7, 7]
+    assert needed_views(np.arange(2, 5), VoteConfig(views=4)).tolist() == [4, 4, 4]
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_voxels_hold_the_object_and_little_else(count):
+    cameras, centre = network(count), position_at(7)
+    weights = [mask_of(camera, centre).astype(np.float32) for camera in cameras]
+    volume = monitored_volume(cameras, reach=20.0)
+    voxels = vote(volume, weights, VoteConfig())
+    (found,) = candidates(voxels, cameras, weights, VoteConfig())
+    assert found.votes == found.watched == count
+    np.testing.assert_allclose(found.centre, centre, atol=0.08)
+    for weight, region in zip(weights, found.regions, strict=True):
+        assert region is not None and weight[region.window][region.inside].sum() == weight.sum()
+        assert region.inside.sum() < 5 * weight.sum()
+
+
+def test_what_one_camera_sees_is_no_voxel_nor_is_what_none_sees():
+    cameras = network(4)
+    volume = monitored_volume(cameras, reach=20.0)
+    blank = np.zeros((cameras[0].height, cameras[0].width), np.float32)
+    alone = [mask_of(cameras[0], position_at(7)).astype(np.float32), blank, blank, blank]
+    for weights in (alone, [blank] * 4, [None] * 4, [np.ones_like(blank), None, None, None]):
+        assert len(vote(volume, weights, VoteConfig()).half) == 0
+
+
+def test_crossing_rays_of_two_objects_are_no_third():
+    cameras = network(4)
+    places = [np.array([0.9, 0.3, 0.0]), np.array([-0.7, -0.5, 0.1])]
+    masks = [[mask_of(camera, place) for place in places] for camera in cameras]
+    weights = [np.logical_or(*pair).astype(np.float32) for pair in masks]
+    voxels = vote(monitored_volume(cameras, reach=20.0), weights, VoteConfig(views=2))
+    found = candidates(voxels, cameras, weights, VoteConfig(views=2))
+    nearest = [min(np.linalg.norm(one.centre - place) for place in places) for one in found]
+    assert len(found) == 2 and max(nearest) < 0.1
+
+
+def test_coverage_is_soft_at_the_rim_and_full_inside():
+    still = np.full((120, 160, 3), 0.7, np.float32)
+    share = np.zeros((120, 160), np.float32)
+    share[20:40, 30:50] = 1.0
+    share[20:40, 29] = share[20:40, 50] = 0.2
+    image = still + share[..., None] * (np.float32(0.1) - still)
+    seen = difference_of(image, learnt([bytes_of(still)] * 5, CONFIG), CONFIG)
+    region = Region((25, 15), np.ones((30, 30), bool))
+    coverage = coverage_of(region, seen, (share > 0.5).astype(np.float32), MaskConfig(half=0.5))
+    np.testing.assert_allclose(coverage, share, atol=0.05)
+    hidden = without(region, [Region((0, 0), np.ones((30, 160), bool))])
+    assert not hidden.inside[:15].any() and hidden.inside[15:].all()
+
+
+def test_what_an_object_hides_in_most_frames_is_learnt_from_the_others_and_continued():
+    still = coloured(mottled(scale=8.0))
+    region = Region((60, 50), np.ones((12, 20), bool))
+    covered = still.copy()
+    covered[region.window] = 0.0
+    known = learnt([bytes_of(covered)] * 5, CONFIG)
+    outline = outline_of(region)
+    images, outlines = [covered] * 4 + [still] * 2, [[outline]] * 4 + [[]] * 2
+    np.testing.assert_allclose(without_lingering(known, images, outlines).mean, still, atol=0.005)
+    guessed = without_lingering(known, [covered] * 6, [[outline]] * 6).mean
+    assert np.abs(guessed - still).max() < 0.35 and np.abs(guessed - still)[region.window].mean() < 0.12
+    untouched = without_lingering(known, images, [[]] * 6)
+    assert untouched is known
+
+
+def test_a_network_whose_cameras_look_apart_monitors_nothing():
+    cameras = network(3)
+    away = np.diag([1.0, -1.0, -1.0, 1.0])
+    turned = tuple(replace(camera, world_from_cam=camera.world_from_cam @ away) for camera in cameras)
+    volume = monitored_volume(turned, reach=20.0)
+    weights = [np.ones((c.height, c.width), np.float32) for c in turned]
+    assert len(volume.centres) == 0 and len(vote(volume, weights, VoteConfig()).half) == 0
