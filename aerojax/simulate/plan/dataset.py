@@ -34,7 +34,8 @@ class RigConfig:
     min_cameras: how many cameras at least see an object in every frame, obstacles aside.
     environment: a white dome, one sky colour a camera, or a landscape under a moving sun.
     landscape: what stands in it; sky, sun and weather are drawn for each sequence.
-    sun_rate: degrees a second by which the sun moves (the real one: 0.004).
+    sun_rate: degrees a second by which the sun's azimuth moves (the real one: 0.004).
+    sun_climb: degrees a second by which the sun rises or sinks at most, drawn for each sequence.
     sites: different landscapes that the sequences share, each with its own days; 0 gives every sequence its own.
     """
 
@@ -48,6 +49,7 @@ class RigConfig:
     environment: Literal["white", "sky", "outdoor"] = "white"
     landscape: LandscapeConfig = field(default_factory=LandscapeConfig)
     sun_rate: float = 0.1
+    sun_climb: float = 0.0
     sites: int = 0
 
 
@@ -194,6 +196,7 @@ def _check(config: DatasetConfig) -> None:
         (config.images.rays_across < 0, f"images.rays_across is {config.images.rays_across}; use 0 or more"),
         (rig.fixed is None and not rig.random, f"rig {rig.name} has neither a fixed rig nor random ones; give one"),
         (set(config.classes) - set(CLASSES), f"classes has {list(config.classes)}; use {', '.join(CLASSES)}"),
+        (rig.sun_climb < 0, f"rig.sun_climb is {rig.sun_climb:g}; use 0 for a sun of one height"),
         (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),
         (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),
         (crowd.per_family < 1, f"crowd.per_family is {crowd.per_family}; use 1 or more"),

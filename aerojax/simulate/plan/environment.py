@@ -8,7 +8,7 @@ import numpy as np
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.core.seeds import number_of
-from aerojax.simulate.plan.dataset import DatasetConfig, SequenceTask
+from aerojax.simulate.plan.dataset import DatasetConfig, RigConfig, SequenceTask
 from aerojax.simulate.render.environment import Dome, Environment
 from aerojax.simulate.render.outdoors import Outdoors
 from aerojax.simulate.world.landscape import LandscapeConfig, build_landscape
@@ -43,20 +43,26 @@ def draw_environment(
 def _outdoors(
     task: SequenceTask, config: DatasetConfig, cameras: tuple[CaptureCamera, ...], rng: np.random.Generator
 ) -> tuple[Environment, LandscapeMesh | None]:
-    """The site's landscape and a day of its own for every sequence: clear to hazy, cloudy or not, low to high sun."""
-    sky = SkyConfig(
-        turbidity=rng.uniform(2.0, 5.0),
-        sun_azimuth=rng.uniform(0.0, 360.0),
-        sun_elevation=rng.uniform(15.0, 65.0),
-        sun_azimuth_rate=config.rig.sun_rate,
-        cloud_cover=rng.uniform(0.0, 0.7),
-        visibility=10 ** rng.uniform(3.6, 4.5),
-        exposure=rng.uniform(0.8, 1.2),
-    )
+    """The site's landscape and a day of its own for every sequence."""
+    sky = draw_sky(config.rig, rng)
     clear = tuple((float(c.world_from_cam[0, 3]), float(c.world_from_cam[1, 3])) for c in cameras)
     seed = number_of(config.seed, f"{site_of(task, config)}/landscape") % 2**31
     landscape, caster = _site(config.rig.landscape, clear, seed)
     return Outdoors(landscape, sky, caster=caster), landscape
+
+
+def draw_sky(rig: RigConfig, rng: np.random.Generator) -> SkyConfig:
+    """A day: clear to hazy, cloudy or not, low to high sun that moves, rises and sinks as the rig says."""
+    return SkyConfig(
+        turbidity=rng.uniform(2.0, 5.0),
+        sun_azimuth=rng.uniform(0.0, 360.0),
+        sun_elevation=rng.uniform(15.0, 65.0),
+        sun_azimuth_rate=rig.sun_rate,
+        cloud_cover=rng.uniform(0.0, 0.7),
+        visibility=10 ** rng.uniform(3.6, 4.5),
+        exposure=rng.uniform(0.8, 1.2),
+        sun_elevation_rate=rng.uniform(-1.0, 1.0) * rig.sun_climb,  # the last draw: the others stay as they were
+    )
 
 
 def site_of(task: SequenceTask, config: DatasetConfig) -> str:
