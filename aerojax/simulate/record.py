@@ -10,12 +10,15 @@ import numpy as np
 from jaxtyping import UInt8
 
 from aerojax.capture.format import Capture, CaptureCamera, Truth, write_capture_json
+from aerojax.capture.paths import frame_path
 from aerojax.capture.write import FrameExtras, Placement, write_frame
+from aerojax.gaussians.io.ply import write_ply
 from aerojax.simulate.plan.scene import ScenePlan
 from aerojax.simulate.render.image import RenderedImage
 from aerojax.simulate.render.scene import SceneRenderer
+from aerojax.simulate.surface import draw_surface_points, surface_gaussians
 from aerojax.simulate.truth import Views, tracked_object
-from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from aerojax.simulate.usd.animated_mesh import AnimatedMesh, load_animated_mesh
 from aerojax.simulate.usd.scene_stage import StageObject, write_landscape_stage, write_scene_stage
 from aerojax.simulate.world.sensor import SensorConfig, expose, through_shutter
 
@@ -45,7 +48,10 @@ def record_scene(plan: ScenePlan, folder: Path) -> tuple[Capture, Timings]:
     for frame in range(plan.frames):
         views |= _record_frame(renderer, plan, frame, folder, timings)
     empty = Capture(folder, plan.fps, plan.frames, plan.calibration, None)
-    objects = [tracked_object(index, plan, mesh, views, empty) for index, mesh in enumerate(meshes)]
+    objects = [
+        replace(tracked_object(index, plan, mesh, views, empty), gaussians=_write_surface(index, plan, mesh, folder))
+        for index, mesh in enumerate(meshes)
+    ]
     capture = replace(empty, truth=Truth(tuple(objects)))
     write_capture_json(capture)
     return capture, timings
@@ -105,6 +111,20 @@ def _sensed(
     still = sensor.shutter == 0 and sensor.row_time == 0
     rgb = image.full_rgb() if still else through_shutter(picture, camera.height, sensor, plan.fps)
     return np.round(np.clip(expose(rgb, sensor, rng=rng), 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def _write_surface(index: int, plan: ScenePlan, mesh: AnimatedMesh, folder: Path) -> str | None:
+    """Write the Gaussians of one object's surface, a file a frame; their pattern, or None where none are wanted."""
+    if not plan.surface.count:
+        return None
+    pattern = f"gaussians/object_{index + 1}/{{frame:06d}}.ply"
+    flown, thickness = plan.objects[index], plan.surface.thickness
+    points = draw_surface_points(mesh, plan.surface.count, plan.surface.seed)
+    for frame, pose in enumerate(plan.shown(flown.flight).transforms()):
+        vertices = mesh.vertices_at(flown.phase + frame / plan.fps).astype(np.float64) @ pose[:3, :3].T + pose[:3, 3]
+        found = surface_gaussians(vertices, mesh.faces, points, thickness=thickness)
+        write_ply(folder / frame_path(pattern, frame), found.gaussians(), normal=found.normal)
+    return pattern
 
 
 def _pose(renderer: SceneRenderer, plan: ScenePlan, frame: float) -> None:

@@ -1,7 +1,8 @@
 """Gaussians as PLY files in the standard 3D-Gaussian-splatting layout (Kerbl et al. 2023); reads compressed ones too.
 
-Standard layout, binary little-endian float32: x y z · nx ny nz (zero) · f_dc_0..2 · f_rest_* (channel after channel) ·
-opacity (logit) · scale_0..2 (natural logarithm) · rot_0..3 (w x y z). f_dc is (rgb - 0.5) / 0.28209479.
+Standard layout, binary little-endian float32: x y z · nx ny nz (zero unless given) · f_dc_0..2 · f_rest_* (channel
+after channel) · opacity (logit) · scale_0..2 (natural logarithm) · rot_0..3 (w x y z). f_dc is (rgb - 0.5) /
+0.28209479.
 
 Far from the world's origin float32 has no millimetres left (at a UTM northing of 5.6e6 m its steps are half a metre).
 Such sets carry their place as float64 in a line of the header, `comment offset x y z`: world = offset + (x, y, z).
@@ -13,7 +14,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes
@@ -33,7 +34,13 @@ FILTER = "filter_3D"
 """Mip-Splatting's property: standard deviation of the 3D smoothing filter, metres (Yu et al. 2024, §4.1)."""
 
 
-def write_ply(path: Path | str, gaussians: Gaussians, *, origin: Float64[np.ndarray, "3"] | None = None) -> None:
+def write_ply(
+    path: Path | str,
+    gaussians: Gaussians,
+    *,
+    origin: Float64[np.ndarray, "3"] | None = None,
+    normal: Float[np.ndarray, "gaussian 3"] | None = None,
+) -> None:
     """Write one set of Gaussians; quaternions are normalised, colour of degree 0 to 3 is kept as it is.
 
     The frame is the Gaussians' own (aerojax's world has +Z up; many viewers expect -Y up and offer a rotation).
@@ -42,6 +49,7 @@ def write_ply(path: Path | str, gaussians: Gaussians, *, origin: Float64[np.ndar
         path: ends with `.ply`; an existing file is replaced.
         gaussians: one set, no batch axes, finite.
         origin: where the Gaussians' origin lies in the world, metres; written to the header unless it is None or zero.
+        normal: of the surface at each Gaussian, for those who know it; zero if None.
 
     Raises:
         UserError: if there are batch axes, or an attribute is not finite; names it.
@@ -52,7 +60,8 @@ def write_ply(path: Path | str, gaussians: Gaussians, *, origin: Float64[np.ndar
             "invalid", f"{path}: a PLY file holds one set of Gaussians", f"got a batch of shape {gaussians.mean.shape}"
         )
     place = np.zeros(3) if origin is None else origin
-    for name, array in {**arrays, "origin": place}.items():
+    normal = np.zeros_like(arrays["mean"]) if normal is None else normal
+    for name, array in {**arrays, "origin": place, "normal": normal}.items():
         if not np.all(np.isfinite(array)):
             raise UserError(
                 "invalid",
@@ -65,7 +74,7 @@ def write_ply(path: Path | str, gaussians: Gaussians, *, origin: Float64[np.ndar
     sh = arrays["sh"]
     columns = [
         arrays["mean"],
-        np.zeros_like(arrays["mean"]),
+        normal,
         sh[:, 0],
         sh[:, 1:].transpose(0, 2, 1).reshape(len(sh), 3 * (sh.shape[1] - 1)),
         np.log(opacity / (1 - opacity))[:, None],

@@ -13,6 +13,7 @@ from aerojax.data.splits import SPLITS
 from aerojax.simulate.assets.catalogue import Identity, identities
 from aerojax.simulate.assets.importers.identities import imported_identities
 from aerojax.simulate.render.image import ImageConfig
+from aerojax.simulate.surface import SurfaceConfig
 from aerojax.simulate.world.fixed_rigs import FixedRigConfig, conditions
 from aerojax.simulate.world.flight import Motion
 from aerojax.simulate.world.landscape import LandscapeConfig
@@ -92,6 +93,7 @@ class DatasetConfig:
     radii: of the fixed rig, only these; empty takes all.
     sequences: by split, for each identity and condition of the rig.
     images: kinds and quality.
+    surface: Gaussians that are written of every object and frame besides.
     classes: only these; empty takes all four.
     identities_per_class: only the first so many of each class and split, for trials; 0 takes all.
     models: list of the user's own models, which are added; None without.
@@ -114,6 +116,7 @@ class DatasetConfig:
     models: Path | None = None
     sensor: SensorConfig = field(default_factory=SensorConfig)
     randomisation: float = 0.0
+    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
 
 
 @dataclass(frozen=True)

@@ -130,6 +130,7 @@ def plan_sequence(task: SequenceTask, config: DatasetConfig, assets: Path) -> Sc
         sensors=_sensors(config, len(cameras), fault_rng),
         noise_seed=int(fault_rng.integers(2**31)),
         landscape=landscape,
+        surface=config.surface,
     )
 
 

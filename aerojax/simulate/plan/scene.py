@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.simulate.assets.catalogue import Identity, build_identity
 from aerojax.simulate.render.environment import Environment
 from aerojax.simulate.render.image import ImageConfig
+from aerojax.simulate.surface import SurfaceConfig
 from aerojax.simulate.world.flight import Flight
 from aerojax.simulate.world.sensor import SensorConfig
 from kernels.rays.landscape import LandscapeMesh
@@ -49,6 +50,7 @@ class ScenePlan:
     sensors: one a camera; ideal ones if empty.
     noise_seed: of the sensors' noise.
     landscape: what the environment shows, for the scene's stage; None before a dome.
+    surface: Gaussians that are written of every object.
     """
 
     objects: tuple[FlyingObject, ...]
@@ -62,6 +64,7 @@ class ScenePlan:
     sensors: tuple[SensorConfig, ...] = ()
     noise_seed: int = 0
     landscape: LandscapeMesh | None = None
+    surface: SurfaceConfig = field(default_factory=SurfaceConfig)
 
     def shown(self, flight: Flight) -> Flight:
         """The part of a flight that the capture's frames show."""

@@ -15,12 +15,14 @@ _PER_PIXEL = {"rgb": 1.6, "mask": 0.05, "coverage": 0.2, "normal": 3.5, "depth":
 """Bytes of a pixel of the object's window, measured on the presets."""
 _LANDSCAPE = 2.0
 """Bytes of an RGB pixel outdoors."""
+_GAUSSIAN = 17 * 4
+"""Bytes of one in a PLY file with degree-0 colour."""
 _SPAN = 0.7
 """Area of the window of an object that is 1 m long, in square metres."""
 
 
 def estimated_bytes(config: DatasetConfig, tasks: tuple[SequenceTask, ...]) -> int:
-    """Bytes of all images of a work list, within a factor of two; sequences' other files are small beside them."""
+    """Bytes of all images and Gaussians of a work list, within a factor of two; other files are small beside them."""
     flags = config.images
     kinds = ["rgb", "mask"]
     kinds += [k for k, on in (("depth", flags.depth), ("coverage", flags.coverage), ("normal", flags.normals)) if on]
@@ -29,7 +31,8 @@ def estimated_bytes(config: DatasetConfig, tasks: tuple[SequenceTask, ...]) -> i
     for task in tasks:
         by_condition.setdefault(task.condition, _image_set(config, task.condition, kinds))
     cameras = _cameras(config)
-    return round(sum(by_condition[task.condition] for task in tasks) * cameras * config.frames)
+    gaussians = _GAUSSIAN * config.surface.count * _objects(config) * len(tasks) * config.frames
+    return round(sum(by_condition[task.condition] for task in tasks) * cameras * config.frames + gaussians)
 
 
 def _cameras(config: DatasetConfig) -> float:

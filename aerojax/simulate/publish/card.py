@@ -47,8 +47,10 @@ World: right-handed, metres, +Z up. Camera: +x right, +y down, +z forward; the c
 (0.5, 0.5). Body: nose +X, up +Z, size normalised to 1 m, so that size is no cue. Quaternions are w, x, y, z.
 `bbox` is the tight box of the mask, `visible_box` that of what is visible, to a fraction of a pixel, `projected_box`
 that of the projected mesh, which reaches beyond the image where the object does; `visibility` is the visible share of
-what would show if the object were alone. Frames in which fewer cameras than asked for see the object are listed in
-`frames_below_min_cameras`."""
+what would show if the object were alone. `oriented_box` and `aligned_box` are the smallest boxes in space along the
+body's and the world's axes (metres, world), `projected_corners` the eight corners of the first in each image; where an
+object has `gaussians`, each frame's file holds Gaussians on its surface (world frame, unlit colours, normals in nx ny
+nz). Frames in which fewer cameras than asked for see the object are listed in `frames_below_min_cameras`."""
 
 
 def readme_text(manifest: Manifest) -> str:
