@@ -18,7 +18,8 @@ from jaxtyping import Array, Bool, Float, Float32, Float64, Int, Key
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.classify.base import Classifier
-from aerojax.core.types import Crops, Evidence, FrameSet, Gaussians, Observation, Track, View
+from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES, Crops, Evidence, FrameSet, Gaussians, Observation, Track, View
 from aerojax.gaussians.decimate import DecimationConfig, decimate
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, Updated
@@ -28,7 +29,7 @@ from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import Reconstructor
 from aerojax.reconstruct.consistency import consistency
 from aerojax.reconstruct.crop import small_crops
-from aerojax.reconstruct.cut_views import FEWEST_WHOLE, crops_to_read
+from aerojax.reconstruct.cut_views import FEWEST_WHOLE
 from aerojax.reconstruct.observe import observe, usable
 from aerojax.segment.base import Preview, Segmenter
 from aerojax.track.base import Tracker
@@ -178,7 +179,8 @@ class Pipeline:
     def _crops(self, seen: Observation) -> Crops:
         views = seen.views
         rgba = small_crops(np.asarray(views.rgb), np.asarray(views.mask), size=self.config.view_size)
-        return Crops(jnp.asarray(rgba), jnp.asarray(crops_to_read(seen.valid, seen.cut, self.config.min_views)))
+        # Classifiers read whole objects: beside one whole crop, cut ones made their answers no better.
+        return Crops(jnp.asarray(rgba), jnp.asarray(seen.whole))
 
     def _unclassified(self) -> Any:
         return self.classifier.initial() if self.classifier is not None and self.classifier.causal else None
@@ -207,10 +209,13 @@ def make_pipeline(
         object_id: instance to follow where masks name instances; None to choose the largest.
 
     Raises:
-        UserError: the configuration contradicts the classifier's card.
+        UserError: the configuration contradicts the classifier's card, or that is for other classes.
     """
     if classifier is not None:
         classifier.card.require(clip_settings(config))
+        if classifier.card.classes != CLASSES:
+            problem = f"the classifier {classifier.card.name!r} tells {', '.join(classifier.card.classes)} apart"
+            raise UserError("mismatch", problem, f"give weights for {', '.join(CLASSES)}")
     world_from_rig = np.asarray(cameras[0].world_from_cam)
     rig_from_world = np.linalg.inv(world_from_rig)
     in_rig = tuple(replace(c, world_from_cam=rig_from_world @ c.world_from_cam) for c in cameras)

@@ -168,14 +168,3 @@ def known_pixels(
     edge = 1.0 + 0.5 * float(np.max(np.abs(last - first))) / size
     width, height = image_size
     return ahead & (x >= edge) & (x <= width - edge) & (y >= edge) & (y <= height - edge)
-
-
-def crops_to_read(
-    valid: Bool[np.ndarray, "*time view"], cut: Bool[np.ndarray, "*time view"], least: int
-) -> Bool[np.ndarray, "*time view"]:
-    """Views whose crops a classifier reads: cut ones only in frames that have fewer than `least` others.
-
-    It learns from whole objects; a part may look like something else.
-    """
-    whole = valid & ~cut
-    return np.where(whole.sum(axis=-1, keepdims=True) < least, valid, whole)

@@ -10,7 +10,7 @@ from support.cut_views import aimed_aside
 from support.networks import frame_sets, network, position_at
 
 from aerojax.geometry.cameras import project_points
-from aerojax.reconstruct.cut_views import SeenBoxes, aimed_boxes, centre_on_ray, crops_to_read, known_pixels
+from aerojax.reconstruct.cut_views import SeenBoxes, aimed_boxes, centre_on_ray, known_pixels
 from aerojax.reconstruct.observe import observe
 from aerojax.segment.given import GivenConfig
 
@@ -113,16 +113,6 @@ def test_known_pixels_lie_in_the_image():
     np.testing.assert_array_equal(known[:, 16], (down >= 1.25) & (down <= 38.75))
     assert known.any() and not known[:, 0].any()
     assert known_pixels(np.eye(3), size=8, image_size=(20, 20))[2:, 2:].all()
-
-
-def test_classifiers_read_cut_crops_only_where_there_are_too_few_others():
-    valid = np.array([[True, True, True, False], [True, True, True, True]])
-    cut = np.array([[False, False, True, False], [False, True, True, False]])
-    np.testing.assert_array_equal(
-        crops_to_read(valid, cut, 2), [[True, True, False, False], [True, False, False, True]]
-    )
-    np.testing.assert_array_equal(crops_to_read(valid, cut, 3), valid)
-    np.testing.assert_array_equal(crops_to_read(valid[1], cut[1], 2), [True, False, False, True])
 
 
 def test_observations_with_a_cut_view(column):

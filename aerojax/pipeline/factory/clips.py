@@ -23,7 +23,6 @@ from aerojax.pipeline.step import decimate_in_rig, reconstruct_views
 from aerojax.reconstruct.alignment import reconstruct_aligned
 from aerojax.reconstruct.base import ReconstructorConfig
 from aerojax.reconstruct.crop import small_crops
-from aerojax.reconstruct.cut_views import crops_to_read
 from aerojax.reconstruct.hull import HullConfig
 from aerojax.reconstruct.hull_warp import hull_of_crops
 from aerojax.simulate.assets.animated import build_animated
@@ -64,7 +63,7 @@ def clip_of(
         identity.label,
         identity.name,
         crop_bytes(np.stack(small)),
-        crops_to_read(crops.valid, crops.cut, config.pipeline.min_views)[kept, :views],
+        (crops.valid & ~crops.cut)[kept, :views],
         facts_of(plan, crops),
     )
 
