@@ -23,10 +23,15 @@ from tests.support.refined_hulls import SMALL, busy, sphere_views
 ALL = jnp.ones(5, bool)
 
 
+@jax.jit
+def hull_of(views):
+    return visual_hull(views, ALL, config=SMALL.hull)[:2]
+
+
 @pytest.fixture(scope="module")
 def hull():
     """The small configuration's hull of the ball."""
-    return jax.jit(lambda views: visual_hull(views, ALL, config=SMALL.hull)[:2])(sphere_views())
+    return hull_of(sphere_views())
 
 
 @jax.jit
@@ -131,6 +136,23 @@ def test_a_cut_view_counts_and_what_lies_beyond_its_border_does_not():
     assert largest_difference(distinct_columns(plain), distinct_columns(poisoned)) < 1e-5
     without, _ = answer(member, cut_beyond(views, 3, 48), jnp.arange(5) != 3)
     assert largest_difference(distinct_columns(plain), distinct_columns(without)) > 1e-2
+
+
+def test_wrong_calibration_degrades_as_the_hull_does():
+    """Every camera turned by 0.3 degrees about an axis across its own: seven pixels of these crops."""
+    views, angle = sphere_views(), np.deg2rad(0.3) / 2
+    way = 2 * np.pi * np.arange(5) / 5 + 0.4
+    turns = np.stack([np.full(5, np.cos(angle)), *(np.sin(angle) * f(way) for f in (np.cos, np.sin)), np.zeros(5)], -1)
+    pose = views.camera.world_from_cam
+    turned = pose.at[:, :3, :3].set(pose[:, :3, :3] @ rotation_from_quaternion(jnp.asarray(turns, jnp.float32)))
+    wrong = replace(views, camera=replace(views.camera, world_from_cam=turned))
+    wanted, many = hull_of(wrong)
+    found, count = answer(SMALL.untrained(key=jax.random.key(0)), wrong, ALL)
+    assert 50 < int(many) == int(count)
+    np.testing.assert_allclose(found.columns(), wanted.columns(), rtol=2e-6, atol=2e-6)
+    assert float(jnp.max(jnp.abs(wanted.mean[:50] - hull_of(views)[0].mean[:50]))) > 1e-3
+    changed, same = answer(busy(), wrong, ALL)
+    assert int(same) == int(many) and bool(jnp.all(jnp.isfinite(changed.columns())))
 
 
 @pytest.mark.parametrize("mask", ["empty", "elsewhere", "everything"])
