@@ -117,9 +117,12 @@ def follow_scan(
     if scan.time_s < state.time_s:
         raise ValueError(f"a scan of {scan.time_s} s after one of {state.time_s} s")
     ended = None
-    if scan.camera in state.heard and scan.time_s - state.began_s >= config.round_s:
+    lasted = scan.time_s - state.began_s
+    again = scan.camera in state.heard and lasted >= config.round_s
+    if again or (state.heard and lasted > config.window_s):
         ended, state = end_round(state, cameras, config)
-    tracks = state.tracks
+    # Where nobody has said anything for long, no round has ended to say so.
+    tracks = tuple(one for one in state.tracks if one.seen or scan.time_s - one.hit_s <= config.coast_s)
     if tracks and scan.time_s > state.time_s:
         means, covariances = _stacked(tracks)
         tracks = _unstacked(tracks, *predict(means, covariances, scan.time_s - state.time_s, config.motion))

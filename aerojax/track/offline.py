@@ -15,6 +15,8 @@ NOBODY = -1
 """Owner of a detection that is of no track."""
 _SLACK = 0.9
 """Share of the slowest camera's frame that a round lasts at least: stamps are not perfectly regular."""
+_WINDOW = 1.2
+"""Frames of the slowest camera that a sight may be old in a birth."""
 _OTHER_RATE = 1.2
 """Frames of two cameras that differ by more are of other rates."""
 
@@ -72,7 +74,7 @@ def follow(
         state: to go on from; the beginning if None.
         progress: called every hundred images with (done, total, what).
     """
-    config = replace(config, round_s=max(config.round_s, slowest_round(detections)))
+    config = suited(config, detections)
     scans = scans_of(detections, cameras, config.noise)
     state, rounds = _forgetful(state or FollowingState()), []
     told = state.time_s if state.heard else None
@@ -109,13 +111,15 @@ def _named(rounds: Sequence[Moment], sights: int, state: FollowingState) -> Foll
     return Following(tuple(moments), owner, state)
 
 
-def slowest_round(detections: Detections) -> float:
-    """How long a round must last for the slowest camera to be heard in it; 0 where all have one rate."""
+def suited(config: FollowingConfig, detections: Detections) -> FollowingConfig:
+    """With rounds in which the slowest camera is heard, and births in which its last image takes part."""
     periods = [frame_period(detections.stamp_s[detections.camera == c]) for c in np.unique(detections.camera)]
     known = [period for period in periods if period is not None]
-    if not known or max(known) < _OTHER_RATE * min(known):
-        return 0.0
-    return _SLACK * max(known)
+    if not known:
+        return config
+    same = max(known) < _OTHER_RATE * min(known)
+    round_s = config.round_s if same else max(config.round_s, _SLACK * max(known))
+    return replace(config, round_s=round_s, window_s=max(config.window_s, _WINDOW * max(known)))
 
 
 def frame_period(stamps: Float64[np.ndarray, "sight"]) -> float | None:

@@ -13,7 +13,7 @@ from aerojax.core.errors import UserError
 from aerojax.evaluate.tracking import tracking_figures
 from aerojax.track.following import FollowingConfig, FollowingState, follow_scan
 from aerojax.track.following import _assigned as assigned
-from aerojax.track.offline import NOBODY, Following, follow, slowest_round
+from aerojax.track.offline import NOBODY, Following, follow, suited
 from aerojax.track.sights import Detections, scans_of
 from aerojax.track.state_files import read_state, state_from_json, state_to_json, write_state
 
@@ -95,6 +95,12 @@ def test_what_is_gone_for_long_is_lost_and_comes_back_as_another():
     assert not any(moment.tracks for moment in done.moments if 1.6 < moment.time_s < 1.95)
 
 
+def test_silence_is_as_long_as_a_gap():
+    done = tracked(lone(2.5, blackout=(0.5, 2.0)))
+    assert {one.number for moment in done.moments for one in moment.tracks} == {0, 1}
+    assert done.state.numbers == 2 and len(done.state.tracks) == 1
+
+
 def test_false_detections_alone_are_no_track():
     cameras = ring(5)
     seen = watch(
@@ -145,8 +151,11 @@ def test_a_track_that_is_known_well_is_preferred():
 def test_rounds_last_as_long_as_the_slowest_camera_needs():
     stamps = np.concatenate([np.arange(20) / 60, np.arange(10) / 30])
     mixed = Detections(np.repeat([0, 1], [20, 10]), stamps, np.zeros((30, 2)), np.zeros(30))
-    assert slowest_round(mixed) == pytest.approx(0.9 / 30)
-    assert slowest_round(mixed.chosen(mixed.camera == 0)) == 0.0
+    assert suited(CONFIG, mixed).round_s == pytest.approx(0.9 / 30)
+    assert suited(CONFIG, mixed).window_s == CONFIG.window_s == 0.05
+    assert suited(CONFIG, mixed.chosen(mixed.camera == 0)) == CONFIG
+    slow = dataclasses.replace(mixed, stamp_s=6 * stamps).chosen(mixed.camera == 1)
+    assert suited(CONFIG, slow).round_s == 0 and suited(CONFIG, slow).window_s == pytest.approx(0.24)
 
 
 def test_configurations_that_make_no_sense():
