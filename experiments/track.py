@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from aerojax.capture.format import Capture, read_capture
-from aerojax.core.errors import UserError
+from aerojax.capture.format import write_capture_json
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.evaluate.tracking import TrackingFrame, tracking_figures
 from aerojax.track.adjust.problem import AdjustConfig
 from aerojax.track.adjust.recording import Adjustment, adjust_recording, adjustment_to_json
-from aerojax.track.camera_files import read_cameras, write_cameras
-from aerojax.track.detection_files import read_detections
+from aerojax.track.camera_files import write_cameras
 from aerojax.track.following import FollowingConfig
-from aerojax.track.masks import mask_detections
 from aerojax.track.offline import follow
-from aerojax.track.sights import Detections, TimedCamera, timed
+from aerojax.track.recordings import read_recording, recalibrated
+from aerojax.track.sights import TimedCamera
 from aerojax.track.state_files import read_state, write_state
 from aerojax.track.track_files import write_tracks
 from aerojax.track.truth import beside_truth
@@ -35,7 +32,8 @@ from experiments._launch.progress import progress_bar, shown_in
 class Config:
     """What was seen, by which cameras, and how it is followed.
 
-    source: a capture with masks of instances; or detections, a .jsonl or .csv file or a folder of them.
+    source: a capture with masks of instances; detections, a .jsonl or .csv file or a folder of them; or a recording of
+        the public drone-tracking-datasets, its config_*.json.
     cameras: capture.json or a file like it without images; that of source if None.
     following: when sights are a track.
     find_corrections: whether to look for what is wrong with the cameras' clocks and poses.
@@ -54,20 +52,6 @@ class Config:
     state: Path | None = None
 
 
-def gather(config: Config, show: Any) -> tuple[Detections, tuple[TimedCamera, ...], Capture | None]:
-    """What was seen and by whom; the capture, if it is one."""
-    if (config.source / "capture.json").is_file():
-        capture = read_capture(config.source)
-        cameras = read_cameras(config.cameras).cameras if config.cameras else tuple(map(timed, capture.cameras))
-        if [c.name for c in cameras] != [c.name for c in capture.cameras]:
-            raise UserError("mismatch", f"{config.cameras}: has other cameras than {config.source}", "name the same")
-        return mask_detections(capture, progress=show), cameras, capture
-    if config.cameras is None:
-        raise UserError("missing", "cameras is not set", "give capture.json or a file like it: cameras=FILE")
-    known = read_cameras(config.cameras)
-    return read_detections([config.source], known), known.cameras, None
-
-
 def show_corrections(found: Adjustment, cameras: Sequence[TimedCamera], console: Console) -> None:
     """A row a camera."""
     table = Table("camera", "ms late", "rate, ppm", "readout, ms", "turned, °", "moved, m", "off, px", "then")
@@ -80,11 +64,14 @@ def show_corrections(found: Adjustment, cameras: Sequence[TimedCamera], console:
 
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
-    """Write tracks.jsonl, tracks.csv, state.json, metrics.json; corrections.json and cameras.json where looked for."""
+    """Write tracks.jsonl, tracks.csv, state.json, metrics.json; corrections.json and cameras.json where looked for.
+
+    Of a capture, capture.json with the corrections too.
+    """
     console, found = Console(), None
     with progress_bar() as bar:
         show = shown_in(bar)
-        detections, cameras, capture = gather(config, show)
+        detections, cameras, capture = read_recording(config.source, config.cameras, progress=show)
         names = tuple(camera.name for camera in cameras)
         state = read_state(config.state, names) if config.state else None
         used = cameras
@@ -99,6 +86,9 @@ def main(config: Config, run: Run) -> None:
         told = {"applied": config.apply_corrections, "cameras": adjustment_to_json(found, cameras)}
         write_json(run.directory / "corrections.json", told)
         write_cameras(run.directory / "cameras.json", found.apply(cameras))
+        if capture is not None:
+            changed = recalibrated(capture, found.apply(cameras))
+            write_capture_json(replace(changed, folder=run.directory), overwrite=True)
         show_corrections(found, cameras, console)
     paths = done.paths()
     counts = {"moments": len(done.moments), "tracks": len(paths), "detections": len(detections.camera)}

@@ -33,6 +33,22 @@ from aerojax.core.errors import UserError
 INPUTS = "necessary inputs"
 
 
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recording in this layout, one entry a camera.
+
+    seen: where and when it saw the drone; seconds since the common instant.
+    lenses: keyword arguments of `CalibratedCamera`. rates: images a second. starts: its frame at the common instant.
+    """
+
+    path: Path
+    document: Mapping[str, Any]
+    seen: tuple[Sightings, ...]
+    lenses: tuple[dict[str, Any], ...]
+    rates: tuple[float, ...]
+    starts: tuple[float, ...]
+
+
 @dataclass(frozen=True)
 class DroneTrackingConfig(CalibrationConfig):
     """A `config_*.json`, or the folder that holds one.
@@ -47,6 +63,31 @@ class DroneTrackingConfig(CalibrationConfig):
 
     def read(self, source: Path) -> Calibration:
         """Cameras named by their detections' files, in the order of the configuration."""
+        recorded = self.recorded(source)
+        seen, rates, starts = recorded.seen, recorded.rates, recorded.starts
+        found = resect(seen, _track(recorded.document, recorded.path), self.delay_s)
+        # A camera whose common frame is negative began after the common instant; the earliest one is the clock's zero.
+        late = [-float(start) / rate for start, rate in zip(starts, rates, strict=True)]
+        cameras = tuple(
+            CalibratedCamera(
+                name=one.name,
+                world_from_cam=found.world_from_cam[one.name],
+                fps=rate,
+                time_offset_s=late_s - min(late),
+                **lens,
+            )
+            for one, lens, rate, late_s in zip(seen, recorded.lenses, rates, late, strict=True)
+        )
+        errors = ", ".join(f"{name} {error:.1f}" for name, error in found.error_px.items())
+        note = f"poses come from the drone's track, which begins at {found.delay_s:.3f} s; median pixels off: {errors}"
+        return Calibration(cameras, notes=(note,))
+
+    def recorded(self, source: Path) -> Recorded:
+        """What the cameras saw, without their poses.
+
+        Raises:
+            UserError: names the file and what is wrong with it.
+        """
         path = files_in(source, (".json",))[0]
         document = mapping(read_document(path), str(path))
         inputs = mapping(document.get(INPUTS), f"{path}: {INPUTS}")
@@ -63,22 +104,7 @@ class DroneTrackingConfig(CalibrationConfig):
             self._sightings(file, lens, rate, float(start))
             for file, lens, rate, start in zip(detections, lenses, rates, starts, strict=True)
         ]
-        found = resect(seen, _track(document, path), self.delay_s)
-        # A camera whose common frame is negative began after the common instant; the earliest one is the clock's zero.
-        late = [-float(start) / rate for start, rate in zip(starts, rates, strict=True)]
-        cameras = tuple(
-            CalibratedCamera(
-                name=one.name,
-                world_from_cam=found.world_from_cam[one.name],
-                fps=rate,
-                time_offset_s=late_s - min(late),
-                **lens,
-            )
-            for one, lens, rate, late_s in zip(seen, lenses, rates, late, strict=True)
-        )
-        errors = ", ".join(f"{name} {error:.1f}" for name, error in found.error_px.items())
-        note = f"poses come from the drone's track, which begins at {found.delay_s:.3f} s; median pixels off: {errors}"
-        return Calibration(cameras, notes=(note,))
+        return Recorded(path, document, tuple(seen), tuple(lenses), tuple(rates), tuple(starts.tolist()))
 
     def _sightings(self, path: Path, lens: dict[str, Any], rate: float, start: float) -> Sightings:
         rows = _table(path)
