@@ -25,7 +25,7 @@ from aerojax.core.files import write_text
 from aerojax.core.types import pytree_dataclass
 from aerojax.training.checkpoint import latest_step, restore_state, save_state
 from aerojax.training.distribution import Devices, devices_for, from_first_process, is_first_process
-from aerojax.training.optimisers import OptimiserConfig, adamw, without_statistics
+from aerojax.training.optimisers import OptimiserConfig, optimiser_of, without_statistics
 
 _Model = TypeVar("_Model")
 Loss = Callable[[Any, Any, Key[Array, "batch"]], jax.Array]
@@ -123,7 +123,7 @@ def fit(model: _Model, task: Fit, config: TrainingConfig, *, seed: int, director
             "choose a divisor of it",
         )
     devices = devices_for(config.batch // config.micro_batches)
-    optimiser = adamw(config.optimiser, config.epochs * task.steps_per_epoch)
+    optimiser = optimiser_of(config.optimiser, config.epochs * task.steps_per_epoch)
     update = devices.compile(_update_step(task.loss, optimiser, config))
     start = (model, optimiser.init(model), model)  # pyrefly: ignore
     nothing = np.zeros((task.steps_per_epoch, 2), np.float32)

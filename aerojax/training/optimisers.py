@@ -1,9 +1,9 @@
-"""AdamW as the classifier is trained with: warm-up, cosine, clipping, and no decay where decay makes no sense."""
+"""What models are trained with: AdamW or SGD, warm-up, cosine or steps, clipping, no decay where it makes no sense."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -18,29 +18,45 @@ STATISTICS_RATE = 0.1
 
 @dataclass(frozen=True)
 class OptimiserConfig:
-    """AdamW and its schedule (thesis Table 5.5; the weight decay is the published code's).
+    """An optimiser and its schedule (thesis Table 5.5; the weight decay is the published code's).
 
+    rule: AdamW, or SGD with momentum, whose weight decay is a part of the gradient.
     learning_rate: peak.
     warmup: share of all steps with a linear rise.
     final: learning rate at the end over the peak.
+    milestones: shares of the run at which the rate is multiplied by `factor`; with any of them there is no cosine.
     plateaus: over how many equal parts of the run the rate stays what it is at the part's beginning, as the released
         code keeps it through each of its 50 epochs; 0 changes it with every step.
-    weight_decay, beta1, beta2: of AdamW.
-    clip_norm: global norm at which gradients are cut.
+    weight_decay: of either; beta1, beta2: of AdamW; momentum: of SGD.
+    clip_norm: global norm at which gradients are cut; 0 leaves them whole.
     slow: parameters with this word in their names are a group of their own; empty for one group.
     slow_rate: learning rate of that group over the others'.
     """
 
+    rule: Literal["adamw", "sgd"] = "adamw"
     learning_rate: float = 1e-3
     warmup: float = 0.06
     final: float = 1e-3
+    milestones: tuple[float, ...] = ()
+    factor: float = 0.1
     plateaus: int = 0
     weight_decay: float = 0.05
     beta1: float = 0.9
     beta2: float = 0.95
+    momentum: float = 0.9
     clip_norm: float = 1.0
     slow: str = ""
     slow_rate: float = 0.1
+
+    def __post_init__(self) -> None:
+        """Refuse milestones outside of the run.
+
+        Raises:
+            UserError: names them.
+        """
+        if not all(0 < share < 1 for share in self.milestones):
+            problem = f"milestones is {list(self.milestones)}"
+            raise UserError("out-of-range", problem, "they are shares of the run, between 0 and 1")
 
 
 def decays(parameters: Any) -> Any:
@@ -61,7 +77,7 @@ def decays(parameters: Any) -> Any:
 
 
 def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
-    """Linear warm-up from a hundredth of the peak, then half a cosine to `final` times the peak, by step."""
+    """By step: linear warm-up from a hundredth of the peak, then half a cosine to `final` times it, or milestones."""
     length = config.plateaus or steps
     warmup = max(1, round(config.warmup * length))
     rate = optax.warmup_cosine_decay_schedule(
@@ -71,6 +87,8 @@ def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
         decay_steps=max(length, warmup + 1),
         end_value=config.learning_rate * config.final,
     )
+    if config.milestones:
+        rate = _stepped(config, warmup, length)
     # Division first: the product of a step and a number of plateaus may not fit 32 bits.
     width = max(steps // config.plateaus, 1) if config.plateaus else 1
 
@@ -81,25 +99,32 @@ def learning_rate(config: OptimiserConfig, steps: int) -> optax.Schedule:
     return by_step
 
 
+def _stepped(config: OptimiserConfig, warmup: int, length: int) -> optax.Schedule:
+    """Linear warm-up from a hundredth of the peak, times `factor` for every milestone that is passed."""
+
+    def rate(step: Any) -> Any:
+        rising = jnp.minimum(0.01 + 0.99 * step / warmup, 1.0)
+        passed = sum((step >= round(share * length)) * 1 for share in config.milestones)
+        return config.learning_rate * rising * config.factor**passed
+
+    return rate
+
+
 def without_statistics(gradient: Any) -> Any:
     """A gradient that is zero for running statistics, whose entries say how far they are from the batch's."""
     return jax.tree.map(lambda leaf, own: jnp.zeros_like(leaf) if own else leaf, gradient, statistics(gradient))
 
 
-def adamw(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
+def optimiser_of(config: OptimiserConfig, steps: int) -> optax.GradientTransformation:
     """The optimiser for a run of `steps` updates; running statistics follow their batches by `STATISTICS_RATE`."""
-    parts = [
-        optax.clip_by_global_norm(config.clip_norm),
-        optax.adamw(
-            learning_rate(config, steps),
-            b1=config.beta1,
-            b2=config.beta2,
-            weight_decay=config.weight_decay,
-            mask=decays,
-        ),
-    ]
+    rate, decay = learning_rate(config, steps), config.weight_decay
+    parts = [optax.clip_by_global_norm(config.clip_norm)] if config.clip_norm else []
+    if config.rule == "adamw":
+        parts.append(optax.adamw(rate, b1=config.beta1, b2=config.beta2, weight_decay=decay, mask=decays))
+    else:
+        parts += [optax.add_decayed_weights(decay, mask=decays), optax.sgd(rate, momentum=config.momentum)]
     if config.slow:
-        # AdamW's change, decay included, is proportional to its rate.
+        # The change, decay included, is proportional to the rate.
         parts.append(optax.masked(optax.scale(config.slow_rate), lambda tree: _named(tree, config.slow)))
     chain = optax.chain(*parts)
 

@@ -12,7 +12,7 @@ import optax
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.training.loop import smoothed_cross_entropy
-from aerojax.training.optimisers import OptimiserConfig, adamw
+from aerojax.training.optimisers import OptimiserConfig, optimiser_of
 
 
 @jax.jit
@@ -28,7 +28,7 @@ class Engine:
         self.model = MambaSplat(config, key=jax.random.key(0))
         self.parameters = sum(leaf.size for leaf in jax.tree.leaves(self.model))
         self.version = jax.__version__
-        optimiser = adamw(OptimiserConfig(), 1000)
+        optimiser = optimiser_of(OptimiserConfig(), 1000)
         self.moments = optimiser.init(self.model)  # pyrefly: ignore
 
         def update(model: Any, moments: Any, columns: Any, mask: Any, label: Any, key: Any) -> tuple[Any, Any]:

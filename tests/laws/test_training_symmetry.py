@@ -13,7 +13,7 @@ from support.clip_examples import random_clip
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.training.loop import smoothed_cross_entropy
-from aerojax.training.optimisers import OptimiserConfig, adamw
+from aerojax.training.optimisers import OptimiserConfig, optimiser_of
 from aerojax.training.variation import VariationConfig, vary_clip
 
 STEPS, BATCH = 20, 4
@@ -25,7 +25,7 @@ LABELS = jnp.arange(BATCH) % 4
 
 def loss_curves(config: MambaSplatConfig) -> dict[str, np.ndarray]:
     """The loss of each of 20 updates by rotation, with dropout, jitter, recolouring and warm-up as in training."""
-    optimiser = adamw(OptimiserConfig(learning_rate=3e-3), STEPS)
+    optimiser = optimiser_of(OptimiserConfig(learning_rate=3e-3), STEPS)
     variations = [VariationConfig(frames=3, tokens=16, jitter=0.05, rotation=rotation) for rotation in ROTATIONS]
 
     def loss(model, kind, key):

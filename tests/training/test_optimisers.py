@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aerojax.core.errors import UserError
-from aerojax.training.optimisers import OptimiserConfig, adamw, decays
+from aerojax.training.optimisers import OptimiserConfig, decays, learning_rate, optimiser_of
 
 CONFIG = OptimiserConfig(learning_rate=0.05)
 
@@ -35,7 +35,7 @@ def test_decay_moves_only_what_decays():
     )
     changes = []
     for decay in (0.0, 0.5):
-        optimiser = adamw(replace(CONFIG, weight_decay=decay), steps=10)
+        optimiser = optimiser_of(replace(CONFIG, weight_decay=decay), steps=10)
         changes.append(optimiser.update(gradient, optimiser.init(parameters), parameters)[0])
     rate = 0.01 * CONFIG.learning_rate  # the first step of the warm-up
     np.testing.assert_allclose(changes[1]["weight"] - changes[0]["weight"], -0.5 * rate, rtol=1e-3)
@@ -43,7 +43,7 @@ def test_decay_moves_only_what_decays():
 
 
 def test_one_step_is_a_run():
-    optimiser = adamw(CONFIG, steps=1)
+    optimiser = optimiser_of(CONFIG, steps=1)
     change, _ = optimiser.update(
         {"a": jnp.ones((2, 2))}, optimiser.init({"a": jnp.ones((2, 2))}), {"a": jnp.ones((2, 2))}
     )
@@ -53,8 +53,33 @@ def test_one_step_is_a_run():
 def test_a_named_group_learns_more_slowly():
     parameters = {"backbone": {"weight": jnp.ones((3, 2))}, "head": {"weight": jnp.ones((3, 2))}}
     gradient = {"backbone": {"weight": jnp.ones((3, 2))}, "head": {"weight": jnp.ones((3, 2))}}
-    optimiser = adamw(replace(CONFIG, slow="backbone", slow_rate=0.1), steps=10)
+    optimiser = optimiser_of(replace(CONFIG, slow="backbone", slow_rate=0.1), steps=10)
     change, _ = optimiser.update(gradient, optimiser.init(parameters), parameters)
     np.testing.assert_allclose(change["backbone"]["weight"], 0.1 * change["head"]["weight"], rtol=1e-5)
     with pytest.raises(UserError, match="slow=spine is in no name of 2 parameters"):
-        adamw(replace(CONFIG, slow="spine"), steps=10).init(parameters)
+        optimiser_of(replace(CONFIG, slow="spine"), steps=10).init(parameters)
+
+
+def test_milestones_divide_the_rate():
+    """The recipe of MSR-Action3D: warm-up over a fifth of the run, a tenth of the rate from 40 and from 60 % on."""
+    config = OptimiserConfig(learning_rate=0.5, warmup=0.2, milestones=(0.4, 0.6))
+    rate = learning_rate(config, steps=100)
+    found = [float(rate(step)) for step in (0, 10, 20, 39, 40, 59, 60, 99)]
+    np.testing.assert_allclose(found, [0.005, 0.5 * 0.505, 0.5, 0.5, 0.05, 0.05, 0.005, 0.005], rtol=1e-5)
+    with pytest.raises(UserError, match=r"milestones is \[0.5, 20\]"):
+        OptimiserConfig(milestones=(0.5, 20))
+
+
+def test_two_steps_of_sgd_by_hand():
+    config = replace(CONFIG, rule="sgd", learning_rate=1.0, warmup=0.2, weight_decay=0.5, clip_norm=0.0)
+    optimiser = optimiser_of(config, steps=10)
+    parameters, gradient = {"weight": jnp.ones((2, 2)), "bias": jnp.ones(2)}, {"weight": 2.0, "bias": 2.0}
+    gradient = {name: value * jnp.ones_like(parameters[name]) for name, value in gradient.items()}
+    first, state = optimiser.update(gradient, optimiser.init(parameters), parameters)
+    # The rate of the first step is a hundredth of the peak, of the second 0.505; biases do not decay.
+    np.testing.assert_allclose(first["weight"], -0.01 * (2 + 0.5), rtol=1e-5)
+    np.testing.assert_allclose(first["bias"], -0.01 * 2, rtol=1e-5)
+    moved = {name: parameters[name] + first[name] for name in parameters}
+    second, _ = optimiser.update(gradient, state, moved)
+    np.testing.assert_allclose(second["weight"], -0.505 * (0.9 * 2.5 + 2 + 0.5 * 0.975), rtol=1e-5)
+    np.testing.assert_allclose(second["bias"], -0.505 * (0.9 * 2 + 2), rtol=1e-5)
