@@ -29,6 +29,7 @@ class VariationConfig:
     drop: share of a frame's tokens that may repeat others, drawn up to this.
     scale: the whole clip becomes larger or smaller by a factor between exp(-scale) and exp(scale).
     axis_scale: the released code's stretch, as in `stretch_axes`, by factors between 1 - axis_scale and 1 + axis_scale.
+    shift: the whole clip is moved along each axis by up to this, in its own unit of length.
     rotation: how the whole clip is turned: not at all, about +Z, or uniformly over SO(3).
     crops: how its images are varied, where they are read.
     """
@@ -41,6 +42,7 @@ class VariationConfig:
     drop: float = 0.3
     scale: float = 0.0
     axis_scale: float = 0.0
+    shift: float = 0.0
     rotation: Literal["none", "z", "so3"] = "none"
     crops: CropVariationConfig = field(default_factory=CropVariationConfig)
 
@@ -53,7 +55,7 @@ class VariationConfig:
         for name in ("frames", "tokens", "stride"):
             if getattr(self, name) < 1:
                 raise UserError("out-of-range", f"variation.{name} is {getattr(self, name)}", "it must be at least 1")
-        for name in ("jitter", "colour", "scale"):
+        for name in ("jitter", "colour", "scale", "shift"):
             if getattr(self, name) < 0:
                 raise UserError("out-of-range", f"variation.{name} is {getattr(self, name)}", "it must not be negative")
         for name in ("drop", "axis_scale"):
@@ -75,7 +77,7 @@ def vary_clip(
     *,
     key: Key[Array, ""],
 ) -> tuple[Float[Array, "frames tokens 14"], Bool[Array, "frames tokens"]]:
-    """A random window and token subset of a clip, jittered, recoloured, scaled and at last turned.
+    """A random window and token subset of a clip, jittered, recoloured, scaled, moved and at last turned.
 
     The rotation comes last and each draw has its own key, so with and without it a clip is the same up to that
     rotation: an exactly invariant model trains the same under every `rotation`.
@@ -95,6 +97,9 @@ def vary_clip(
     colour = clip[..., 11:] * (1 + config.colour * jax.random.normal(gain, (1, 1, 3)))
     colour = colour + config.colour * jax.random.normal(offset, (1, 1, 3))
     clip = _scale(jnp.concatenate([mean, clip[..., 3:11], colour], axis=-1), config, key=size)
+    if config.shift:  # the tenth of the keys of which eight are taken above, and `vary_crops` takes the ninth
+        where = jax.random.uniform(jax.random.fold_in(key, 9), (1, 1, 3), minval=-config.shift, maxval=config.shift)
+        clip = clip.at[..., :3].add(where)
     return _rotate(clip, config, key=turn), real[:, None] & visible[None, :]
 
 

@@ -86,6 +86,14 @@ def test_stretched_axes_have_their_own_factors(unturned):
     np.testing.assert_allclose(stretched[..., 7:10], each * clips[..., 7:10], rtol=1e-5)
 
 
+def test_a_moved_clip_keeps_all_but_its_place(unturned):
+    clips, moved = unturned[0], vary(shift=0.2)[0]
+    where = np.asarray(moved[..., :3] - clips[..., :3])
+    np.testing.assert_allclose(where, where[:, :1, :1] * np.ones_like(where), atol=1e-5)
+    np.testing.assert_array_equal(moved[..., 3:], clips[..., 3:])
+    assert where.min() >= -0.2001 and where.max() <= 0.2001 and np.ptp(where[:, 0, 0], axis=0).min() > 0.3
+
+
 def test_another_key_is_another_clip(unturned):
     assert len(np.unique(np.asarray(unturned[0]).reshape(64, -1), axis=0)) == 64
 
@@ -99,6 +107,7 @@ def test_another_key_is_another_clip(unturned):
         ("jitter", -0.1),
         ("colour", -1.0),
         ("scale", -0.1),
+        ("shift", -0.1),
         ("drop", 1.0),
         ("axis_scale", 1.0),
         ("axis_scale", -0.1),
