@@ -22,8 +22,8 @@ class PipelineConfig:
     segment, track, reconstruct: the members of the stages, by name.
     crop_size: side of the virtual-camera crops, pixels.
     view_size: side of the smaller crops that classifiers of views read, pixels.
-    min_views: cameras that must show the whole object; a frame with fewer is dropped. Two make a hull, but nothing
-        tells whether they are right: `TrustConfig.least_views` calls such answers unsure.
+    min_views: cameras that must show the object, one of them the whole of it; a frame with fewer is dropped. Two make
+        a hull, but nothing tells whether they are right: `TrustConfig.least_views` calls such answers unsure.
     decimation: from the reconstructor's Gaussians to the classifier's.
     lost_after: frames without an object after which it is lost; it appears anew when it comes again.
     """

@@ -14,7 +14,7 @@ from aerojax.reconstruct.consistency import Consistency
 DropCode = Literal["too-few-views", "silhouettes-disjoint"]
 """Why an object of a frame could not be used:
 
-too-few-views: fewer cameras than needed show it whole.
+too-few-views: fewer cameras than needed show it whole, also with those that show a part which fits.
 silhouettes-disjoint: the silhouettes meet nowhere: calibration, masks or clocks are wrong.
 """
 

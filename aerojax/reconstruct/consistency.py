@@ -97,7 +97,7 @@ def consistency(
 
     Args:
         views: crops that look at the frame's origin, where their central rays meet best; metres.
-        valid: cameras that count, at least two.
+        valid: cameras that count; those that show the whole object, at least one.
         focal: of the images that the crops were cut from, pixels.
         uncovered: from `uncovered_shares`.
     """
