@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from aerojax.track.adjust.tracklets import tracklets
 from aerojax.track.association import directions
@@ -27,6 +27,8 @@ WINDOW_S = 30.0
 _MOST_MOMENTS = 400
 """Of a camera that are looked up in another one."""
 _SWEEPS = 10
+_WORTH_A_CHANGE = 1.1
+"""Offsets that agree no better than this many times the given ones change nothing; the adjustment does the rest."""
 
 Curve = Float64[np.ndarray, "offset"]
 
@@ -105,9 +107,20 @@ def _best(
             total = -no_reason
             for other in range(count):
                 if other != one:
-                    places = middle + allowed - found[other]
-                    total = total + curves[other, one][np.clip(places, 0, len(tried) - 1)]
+                    total = total + _at(curves[other, one], middle + allowed - found[other])
             found[one] = allowed[np.argmax(total)]
         if np.array_equal(before, found):
             break
+    as_given = np.full(count, middle)
+    if _total(curves, found, middle) < _WORTH_A_CHANGE * _total(curves, as_given, middle):
+        return np.zeros(count)
     return tried[found]
+
+
+def _at(curve: Curve, places: Int64[np.ndarray, "place"]) -> Float64[np.ndarray, "place"]:
+    return curve[np.clip(places, 0, len(curve) - 1)]
+
+
+def _total(curves: dict[tuple[int, int], Curve], found: Int64[np.ndarray, "camera"], middle: int) -> float:
+    """Agreement of all pairs with these offsets."""
+    return float(sum(_at(curve, middle + found[[j]] - found[i])[0] for (i, j), curve in curves.items()))
