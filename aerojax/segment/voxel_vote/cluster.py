@@ -43,7 +43,8 @@ class Candidate:
 
     centre: metres, in the frame of the cameras, weighed by votes. size: largest distance from it, metres.
     regions: where it lies in each image; None where it does not.
-    votes: cameras that see it move. watched: cameras that see its place. voxels: how many it has.
+    votes: cameras that see it move. watched: cameras that see its place. clear: whether as many as must agree see it by
+        pixels that are nobody else's. voxels: how many it has.
     """
 
     centre: Float64[np.ndarray, "3"]
@@ -51,6 +52,7 @@ class Candidate:
     regions: tuple[Region | None, ...]
     votes: int
     watched: int
+    clear: bool
     voxels: int
 
 
@@ -86,7 +88,7 @@ def candidates(
         for region, taken in zip(regions, claimed, strict=True):
             if region is not None and taken is not None:
                 taken[region.window] |= region.inside
-        found.append(_candidate(group, regions, watched, config))
+        found.append(_candidate(group, regions, watched, own >= needed, config))
     return found
 
 
@@ -160,9 +162,11 @@ def _is_own(
     return own >= max(least, 0.5 * float(inside.sum()))
 
 
-def _candidate(group: Voxels, regions: tuple[Region | None, ...], watched: int, config: VoteConfig) -> Candidate:
+def _candidate(
+    group: Voxels, regions: tuple[Region | None, ...], watched: int, clear: bool, config: VoteConfig
+) -> Candidate:
     votes = group.votes.sum(axis=0)
     centre = votes @ group.centres / votes.sum()
     size = float(np.linalg.norm(group.centres - centre, axis=1).max() + group.half.max())
     best = int((group.votes >= config.least_px).sum(axis=0).max())
-    return Candidate(centre, size, regions, best, watched, len(group.half))
+    return Candidate(centre, size, regions, best, watched, clear, len(group.half))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
 
 from aerojax.geometry.boxes import tight_box
 from aerojax.segment.voxel_vote.background import Difference, grey
@@ -79,10 +79,11 @@ def unlike_background(
     weight: Float32[np.ndarray, "height width"],
     region: Region,
 ) -> float | None:
-    """How badly a gain explains a region's changed pixels: 0 for background in other light, about 1 for an object.
+    """How badly other light explains a region's changed pixels: 0 for its own background, about 1 for an object.
 
-    The median absolute residual of image = gain · background, with the median gain, over the same deviation of
-    gain · background; an outline that blurs both does not count.
+    The lesser of two measures. One gain for all of it: the median absolute residual of image = gain · background over
+    the same deviation of gain · background. And, for shadows too thin for that, whose rim is most of them: one less the
+    correlation of the logarithms' steps from pixel to pixel, along rows or along columns, whichever shows more.
 
     Returns:
         None where the background has no texture to recognise, or too few pixels changed.
@@ -90,8 +91,28 @@ def unlike_background(
     changed = (weight[region.window] > 0.5) & region.inside
     if np.count_nonzero(changed) < FEWEST_PIXELS:
         return None
-    a, b = (grey(np.ascontiguousarray(one[region.window]))[changed] for one in (image, seen.predicted))
-    gain = float(np.median(a / np.maximum(b, 1e-3)))
-    b = gain * b
-    texture = float(np.median(np.abs(b - np.median(b))))
-    return float(np.median(np.abs(a - b))) / texture if 1.5 * texture > TEXTURE * gain else None
+    a, b = (grey(np.ascontiguousarray(one[region.window])) for one in (image, seen.predicted))
+    inside_a, inside_b = a[changed], b[changed]
+    gain = float(np.median(inside_a / np.maximum(inside_b, 1e-3)))
+    inside_b = gain * inside_b
+    texture = float(np.median(np.abs(inside_b - np.median(inside_b))))
+    if 1.5 * texture <= TEXTURE * gain:
+        return None
+    logarithms = [np.log(np.maximum(one, 0) + np.float32(0.02)) for one in (a, b)]
+    steps = max(_step_correlation(*logarithms, changed), _step_correlation(*(one.T for one in (*logarithms, changed))))
+    return min(float(np.median(np.abs(inside_a - inside_b))) / texture, 1 - steps)
+
+
+def _step_correlation(
+    a: Float32[np.ndarray, "rows columns"],
+    b: Float32[np.ndarray, "rows columns"],
+    changed: Bool[np.ndarray, "rows columns"],
+) -> float:
+    """Correlation of the differences between neighbours in a row that both changed; 0 of few or without texture."""
+    both = changed[:, 1:] & changed[:, :-1]
+    if np.count_nonzero(both) < FEWEST_PIXELS:
+        return 0.0
+    step_a, step_b = np.diff(a, axis=1)[both], np.diff(b, axis=1)[both]
+    if float(np.sqrt(np.mean(step_b * step_b))) < TEXTURE:
+        return 0.0
+    return float(step_a @ step_b / np.sqrt((step_a @ step_a) * (step_b @ step_b) + 1e-12))

@@ -126,10 +126,10 @@ class VoxelVoteSegmenter:
         config = self.config
         moving = [self._moving(image, one) for image, one in zip(frames.rgb, state.cameras, strict=True)]
         found = self._found(state.volume, moving)
-        changing = [_changes(one, moving) for one in found]
-        now, lost = linked(state.objects, found, changing, frames.time_s, state.numbers, config.objects)
+        changing, light = [_changes(one, moving) for one in found], [_is_light(one, moving) for one in found]
+        now, lost = linked(state.objects, found, changing, light, frames.time_s, state.numbers, config.objects)
         numbers = max([state.numbers, *(one.number for one in now)])
-        lasting = [one.still is not None and one.still <= config.objects.still_after for one in now]
+        lasting = [one.still is not None and one.still <= config.objects.still_after and not one.shadow for one in now]
         pairs = [(o, c) for o, c, lasts in zip(now, found, lasting, strict=True) if lasts]
         cameras = tuple(
             self._next(index, image, one, known, [candidate for _, candidate in pairs])
@@ -154,7 +154,7 @@ class VoxelVoteSegmenter:
         outlines: list[list[list[np.ndarray]]] = [[] for _ in images]
         for frame in range(0, count, 2):
             moving = [self._moving(_floats(one[frame]), CameraState(k)) for one, k in zip(images, known, strict=True)]
-            found = self._found(volume, moving)
+            found = [one for one in self._found(volume, moving) if not _is_light(one, moving)]
             for camera, (one, before) in enumerate(zip(moving, known, strict=True)):
                 if one is not None and before is not None:
                     regions = [candidate.regions[camera] for candidate in found]
@@ -166,10 +166,9 @@ class VoxelVoteSegmenter:
         )
 
     def _found(self, volume: Volume, moving: Sequence[_Moving | None]) -> list[Candidate]:
-        """What moves at one place, and is no shadow."""
+        """What moves at one place, shadows with it."""
         weights, config = [None if one is None else one.weight for one in moving], self.config.vote
-        found = candidates(vote(volume, weights, config), volume.cameras, weights, config)
-        return [one for one in found if not _is_light(one, moving)]
+        return candidates(vote(volume, weights, config), volume.cameras, weights, config)
 
     def _moving(self, image: Float32[np.ndarray, "height width 3"] | None, known: CameraState) -> _Moving | None:
         if image is None or known.background is None:

@@ -34,7 +34,8 @@ class Known:
 
     number: of the object, from 1. centre, velocity: metres, metres a second. size: metres. time_s: of the last frame
     with it. found, missed: frames with it, and since the last one. still: frames since its images last changed; None as
-    long as they never did. believed: whether it is an object.
+    long as they never did. light: frames in which it looked like the background in other light. believed: whether
+    it was found often enough to be an object.
     """
 
     number: int
@@ -45,13 +46,20 @@ class Known:
     found: int = 1
     missed: int = 0
     still: int | None = None
+    light: int = 0
     believed: bool = False
+
+    @property
+    def shadow(self) -> bool:
+        """Whether it looked like other light in a third of its frames: where it is thin, its rim hides that in some."""
+        return 3 * self.light >= self.found
 
 
 def linked(
     known: Sequence[Known],
     found: Sequence[Candidate],
     changing: Sequence[bool],
+    light: Sequence[bool],
     time_s: float,
     numbers: int,
     config: ObjectsConfig,
@@ -62,11 +70,12 @@ def linked(
         known: of the frame before.
         found: of this one.
         changing: whether at least two cameras see each of them change since the last frame.
+        light: whether each looks like background in other light.
         time_s: of this frame.
         numbers: given so far.
     """
     pairs, now = _assigned(known, found, time_s, config), []
-    for index, (one, changes) in enumerate(zip(found, changing, strict=True)):
+    for index, (one, changes, lit) in enumerate(zip(found, changing, light, strict=True)):
         before = pairs.get(index)
         if before is None:
             numbers += 1
@@ -74,7 +83,9 @@ def linked(
         else:
             entry = _moved(known[before], one, changes, time_s)
         certain = one.votes == one.watched and one.watched >= 4
-        believed = entry.believed or (entry.still is not None and (certain or entry.found >= config.confirm))
+        entry = replace(entry, light=entry.light + lit)
+        new = entry.still is not None and one.clear and (certain or entry.found >= config.confirm)
+        believed = entry.believed or new
         now.append(replace(entry, believed=believed))
     kept = set(pairs.values())
     lost = [replace(one, missed=one.missed + 1) for index, one in enumerate(known) if index not in kept]
