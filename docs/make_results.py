@@ -280,6 +280,27 @@ def rotations() -> str:
     return markdown(["weights", "trained under", *shipped["protocols"], "answers changed"], rows)
 
 
+def reconstructors() -> str:
+    """Reconstructors by the views that they were not given: each figure of the hull, then of the refined hull."""
+    found: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in load("eval_reconstructor_small")["rows"]:
+        found.setdefault((row["factor"], row["value"]), {})[row["member"]] = row
+    figures = {
+        "psnr_db": ".1f",
+        "surround_psnr_db": ".1f",
+        "full_psnr_db": ".1f",
+        "iou": ".2f",
+        "chamfer_percent": ".1f",
+    }
+    rows = []
+    for (factor, value), members in found.items():
+        pairs = [" → ".join(f"{members[who][key]:{how}}" for who in ("hull", "refine")) for key, how in figures.items()]
+        what = value if value.startswith(("test", factor)) else f"{factor}: {value}"
+        rows.append([what, members["hull"]["scenes"], *pairs, f"{members['constant']['psnr_db']:.1f}"])
+    head = ["condition", "scenes", "PSNR on the object, dB", "and around it", "whole image", "IoU", "Chamfer, %"]
+    return markdown([*head, "constant depth, dB"], rows)
+
+
 def consistency() -> str:
     """Agreement of annotations by rig, beside the published figures."""
     thesis, rows = load("published")["annotations"], []
@@ -412,6 +433,7 @@ TABLES: dict[str, Callable[[], str]] = {
         steps,
         ensembles,
         rotations,
+        reconstructors,
         consistency,
         generator,
         blender,
