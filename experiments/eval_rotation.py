@@ -13,7 +13,6 @@ from aerojax.classify.card import TrainRotation
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
-from aerojax.core.types import CLASSES
 from aerojax.data.clips import clip_files
 from aerojax.data.splits import Split
 from aerojax.data.windows import Windows, read_windows
@@ -94,7 +93,7 @@ def main(config: Config, run: Run) -> None:
     figures, test, answers = _measure(config, config.model)
     show_rotations(console, figures)
     sizes = {"windows": len(test.label), "videos": len(test.one_a_video()), "identities": len(set(test.identity))}
-    results: dict[str, Any] = {**figures, **sizes, "command": run.command, "classes": CLASSES, "seed": config.seed}
+    results: dict[str, Any] = {**figures, **sizes, "command": run.command, "seed": config.seed}
     if config.against is not None:
         other, other_test, other_answers = _measure(config, config.against)
         show_rotations(console, other)

@@ -31,10 +31,11 @@ class ClipSet:
 
     columns: the 14 attributes of `core.types.Gaussians.columns`.
     present: which frames are real.
-    label: index into `CLASSES`. identity: name of the individual.
+    label: index into `classes`. identity: name of the individual.
     crops: of `core.types.Crops`, 255 for 1; None where no clip has any.
     crop_valid: views that count; False throughout for clips without crops.
     facts: of each clip, what is known of how it came about (see `save_clip`).
+    classes: names of what the clips show; those of this project unless they come from another data set.
     """
 
     columns: Float32[np.ndarray, "clip time token 14"]
@@ -44,6 +45,7 @@ class ClipSet:
     crops: UInt8[np.ndarray, "clip time view size size 4"] | None = None
     crop_valid: Bool[np.ndarray, "clip time view"] | None = None
     facts: tuple[Mapping[str, Fact], ...] = ()
+    classes: tuple[str, ...] = CLASSES
 
     def take(self, index: np.ndarray | slice) -> ClipSet:
         """Some of the clips."""
@@ -56,12 +58,16 @@ class ClipSet:
             None if self.crops is None else self.crops[chosen],
             None if self.crop_valid is None else self.crop_valid[chosen],
             tuple(self.facts[i] for i in chosen) if self.facts else (),
+            self.classes,
         )
 
 
 @dataclass(frozen=True, eq=False)
 class StoredClip:
-    """One clip as it lies on disk: absent frames are left out, views are as many as the cameras."""
+    """One clip as it lies on disk: absent frames are left out, views are as many as the cameras.
+
+    label: a name of `classes`.
+    """
 
     columns: Float32[np.ndarray, "time token 14"]
     label: str
@@ -69,6 +75,7 @@ class StoredClip:
     crops: UInt8[np.ndarray, "time view size size 4"] | None = None
     crop_valid: Bool[np.ndarray, "time view"] | None = None
     facts: Mapping[str, Fact] = field(default_factory=dict)
+    classes: tuple[str, ...] = CLASSES
 
 
 def crop_bytes(rgba: Float32[np.ndarray, "*batch 4"]) -> UInt8[np.ndarray, "*batch 4"]:
@@ -85,24 +92,28 @@ def save_clip(
     crops: np.ndarray | None = None,
     crop_valid: np.ndarray | None = None,
     facts: Mapping[str, Fact] | None = None,
+    classes: tuple[str, ...] = CLASSES,
 ) -> None:
     """Write one clip as `.npz`, whole or not at all.
 
     Args:
         path: of the file; folders are made.
         columns: (time, token, 14), see `core.types.Gaussians.columns`; absent frames are left out.
-        label: a name of `CLASSES`.
+        label: a name of `classes`.
         identity: name of the individual.
         crops: (time, view, size, size, 4), see `crop_bytes`.
         crop_valid: (time, view), views that count; given with `crops`.
         facts: what is known of the clip, such as rig, cameras, width_px (median of the object's longer side in the
             images), distance_m.
+        classes: of the data set, in the order of a classifier's answers.
     """
     arrays = {"columns": columns.astype(np.float32), "label": np.array(label), "identity": np.array(identity)}
     if crops is not None and crop_valid is not None:
         arrays |= {"crops": crops.astype(np.uint8), "crop_valid": crop_valid.astype(bool)}
     if facts:
         arrays["facts"] = np.array(json.dumps(dict(facts), sort_keys=True))
+    if classes != CLASSES:
+        arrays["classes"] = np.array(classes)
     with whole_file(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)  # pyrefly: ignore
 
@@ -121,7 +132,7 @@ def load_clips(*folders: Path, frames: int, crops: bool = True) -> ClipSet:
         crops: False leaves them out, which halves the memory.
 
     Raises:
-        UserError: a folder without clips, or a clip that is broken, of another class or of another size.
+        UserError: a folder without clips, or a clip that is broken, of other classes or of another size.
     """
     paths = []
     for folder in folders:
@@ -139,7 +150,7 @@ def pack_clips(clips: Sequence[StoredClip], *, frames: int) -> ClipSet:
     """Clips in memory, in order, padded with zeros or cut to `frames` and to `VIEWS` views.
 
     Raises:
-        UserError: they have different numbers of tokens a frame, or crops of different sizes.
+        UserError: they have different classes or numbers of tokens a frame, or crops of different sizes.
     """
     return _packed(((clip.identity, clip) for clip in clips), len(clips), frames)
 
@@ -148,10 +159,13 @@ def _packed(clips: Iterable[tuple[str, StoredClip]], count: int, frames: int) ->
     """Clips with their names, put in place one by one, so that none is in memory twice."""
     columns, crops = np.zeros((0, frames, 0, 14), np.float32), None
     present, valid = np.zeros((count, frames), bool), np.zeros((count, frames, VIEWS), bool)
-    label, identity, facts = np.zeros(count, np.int64), [], []
+    label, identity, facts, classes = np.zeros(count, np.int64), [], [], CLASSES
     for index, (name, clip) in enumerate(clips):
         if index == 0:
-            columns = np.zeros((count, frames, *clip.columns.shape[1:]), np.float32)
+            columns, classes = np.zeros((count, frames, *clip.columns.shape[1:]), np.float32), clip.classes
+        if clip.classes != classes:
+            problem = f"{name} is of the classes {', '.join(clip.classes)}, others of {', '.join(classes)}"
+            raise UserError("mismatch", problem, "give clips of one data set")
         _require_equal(name, clip.columns.shape[1], columns.shape[2], "{} tokens a frame")
         length = min(len(clip.columns), frames)
         columns[index, :length], present[index, :length] = clip.columns[:length], True
@@ -163,10 +177,11 @@ def _packed(clips: Iterable[tuple[str, StoredClip]], count: int, frames: int) ->
             views = min(clip.crops.shape[1], VIEWS)
             crops[index, :length, :views] = clip.crops[:length, :views]
             valid[index, :length, :views] = clip.crop_valid[:length, :views]
-        label[index] = CLASSES.index(clip.label)
+        label[index] = classes.index(clip.label)
         identity.append(clip.identity)
         facts.append(clip.facts)
-    return ClipSet(columns, present, label, tuple(identity), crops, None if crops is None else valid, tuple(facts))
+    kept = None if crops is None else valid
+    return ClipSet(columns, present, label, tuple(identity), crops, kept, tuple(facts), classes)
 
 
 def _require_equal(name: str, found: int, others: int, what: str) -> None:
@@ -189,21 +204,22 @@ def load_clip(path: Path) -> StoredClip:
         clip = arrays["columns"].astype(np.float32)
         label, identity = str(arrays["label"]), str(arrays["identity"])
         facts = json.loads(str(arrays["facts"])) if "facts" in arrays else {}
+        classes = tuple(str(name) for name in arrays["classes"].ravel()) if "classes" in arrays else CLASSES
     except Exception as error:  # NumPy reads headers as Python's literals, and raises whatever its tokenizer does
         raise UserError(
             "unreadable", f"{path} cannot be read as a clip ({error})", "delete it and make it again"
         ) from None
     crops, valid = arrays.get("crops"), arrays.get("crop_valid")
-    fits = label in CLASSES and clip.ndim == 3 and clip.shape[-1] == 14 and isinstance(facts, dict)
+    fits = label in classes and clip.ndim == 3 and clip.shape[-1] == 14 and isinstance(facts, dict)
     if crops is not None or valid is not None:
         fits = fits and _crops_fit(crops, valid, clip)
     if not fits:
         raise UserError(
             "unreadable",
-            f"{path} is not a clip of (time, token, 14), with or without crops, with a class of {CLASSES}",
+            f"{path} is not a clip of (time, token, 14), with or without crops, with a class of {classes}",
             "make it again",
         )
-    return StoredClip(clip, label, identity, crops, valid, facts)
+    return StoredClip(clip, label, identity, crops, valid, facts, classes)
 
 
 def _crops_fit(crops: np.ndarray | None, valid: np.ndarray | None, columns: np.ndarray) -> bool:

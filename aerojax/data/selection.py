@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerojax.core.errors import UserError
-from aerojax.core.types import CLASSES
 from aerojax.data.clips import ClipSet
 
 
@@ -45,7 +44,7 @@ def select_clips(clips: ClipSet, config: SelectionConfig, *, published: Collecti
     if config.per_class:
         order = np.random.default_rng(seed).permutation(index)
         index = np.sort(
-            np.concatenate([_first(clips, order, label, config.per_class) for label in range(len(CLASSES))])
+            np.concatenate([_first(clips, order, label, config.per_class) for label in range(len(clips.classes))])
         )
     return clips if len(index) == len(clips.label) else clips.take(index)
 
@@ -58,6 +57,6 @@ def _first(clips: ClipSet, order: np.ndarray, label: int, count: int) -> np.ndar
         turn = turns[clips.identity[index]] = turns.get(clips.identity[index], -1) + 1
         ranked.append((turn, place, index))
     if len(ranked) < count:
-        problem = f"selection.per_class is {count}, and there are {len(ranked)} clips of class {CLASSES[label]}"
+        problem = f"selection.per_class is {count}, and there are {len(ranked)} clips of class {clips.classes[label]}"
         raise UserError("out-of-range", problem, "lower it or make more clips with experiments.generate_clips")
     return np.array([index for _, _, index in sorted(ranked)[:count]])

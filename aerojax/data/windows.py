@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
 from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
 from aerojax.data.clips import clip_files, load_clips
 
 
@@ -21,6 +22,7 @@ class Windows:
     video: index of the window's video; videos are numbered by their order.
     identity: of the window's object.
     crops, crop_valid: as in `ClipSet`; None where no clip has any.
+    classes: as in `ClipSet`.
     """
 
     columns: Float32[np.ndarray, "window time token 14"]
@@ -31,6 +33,7 @@ class Windows:
     identity: tuple[str, ...]
     crops: UInt8[np.ndarray, "window time view size size 4"] | None = None
     crop_valid: Bool[np.ndarray, "window time view"] | None = None
+    classes: tuple[str, ...] = CLASSES
 
     def one_a_video(self) -> np.ndarray:
         """Index of the first window of every video."""
@@ -43,7 +46,8 @@ class Windows:
         arrays = (self.columns[chosen], self.present[chosen], self.label[chosen], np.arange(len(chosen)))
         names = tuple(self.name[i] for i in chosen), tuple(self.identity[i] for i in chosen)
         crops = None if self.crops is None else self.crops[chosen]
-        return Windows(*arrays, *names, crops, None if self.crop_valid is None else self.crop_valid[chosen])
+        valid = None if self.crop_valid is None else self.crop_valid[chosen]
+        return Windows(*arrays, *names, crops, valid, self.classes)
 
 
 def window_starts(frames: int, length: int, stride: int, *, dilation: int = 1, cover: bool = True) -> list[int]:
@@ -104,4 +108,5 @@ def read_windows(folders: Sequence[Path], split: str, *, frames: int, length: in
         tuple(clips.identity[index] for index in video),
         None if clips.crops is None else cut(clips.crops),
         None if clips.crop_valid is None else cut(clips.crop_valid),
+        clips.classes,
     )

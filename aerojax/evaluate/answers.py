@@ -81,7 +81,9 @@ def crops_read(
 
 def log_probabilities(classifier: Classifier, clips: ClipSet) -> Float[np.ndarray, "clip label"]:
     """Of whole clips, by as many token ensembles as the classifier's card says."""
-    parts, arrays = [], (clips.columns, clips.present, crops_read(classifier, clips))
+    last = max(int(np.flatnonzero(clips.present.any(axis=0)).max(initial=0)) + 1, 1)  # no clip has frames behind it
+    crops = jax.tree.map(lambda a: a[:, :last], crops_read(classifier, clips))
+    parts, arrays = [], (clips.columns[:, :last], clips.present[:, :last], crops)
     for start in range(0, len(clips.label), BATCH):
         index = np.arange(start, start + BATCH) % len(clips.label)  # one shape, one compilation
         parts.append(_last_logits(classifier, *jax.tree.map(lambda a, i=index: jnp.asarray(a[i]), arrays)))

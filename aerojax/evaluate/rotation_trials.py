@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from aerojax.classify.base import Classifier, with_card
-from aerojax.core.types import CLASSES
 from aerojax.data.windows import Windows
 from aerojax.evaluate.answers import prefix_log_probabilities, shuffled_orders, vote
 from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity, paired_interval
@@ -95,6 +94,7 @@ def figures_of(answers: Answers, test: Windows, plan: RotationTrials) -> dict[st
         for kind, trials in answers.turned.items()
     }
     return {
+        "classes": test.classes,
         "temperature": answers.temperature,
         "rotations": rotations,
         "prefix_accuracy": _prefix_accuracy(answers.prefixes, test),
@@ -107,7 +107,7 @@ def video_confusions(trials: list[np.ndarray], test: Windows) -> Int[np.ndarray,
     first = test.one_a_video()
     identity = [test.identity[i] for i in first]
     votes = [np.argmax(vote(trial, test), axis=1) for trial in trials]
-    return np.sum([confusion_by_identity(v, test.label[first], identity, len(CLASSES)) for v in votes], axis=0)
+    return np.sum([confusion_by_identity(v, test.label[first], identity, len(test.classes)) for v in votes], axis=0)
 
 
 def _rotation(

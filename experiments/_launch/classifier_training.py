@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,6 @@ from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
 from aerojax.core.tensors import parameter_count
-from aerojax.core.types import CLASSES
 from aerojax.data.clips import ClipSet
 from aerojax.data.selection import SelectionConfig, select_clips
 from aerojax.evaluate.answers import load_split, require_clips, split_figures
@@ -47,7 +46,8 @@ class ClassifierTraining:
     also_test: further folders whose test/ is counted apart.
     frames: clips are cut or padded to so many.
     networks: trained side by side, whose answers are averaged.
-    model: the kind of classifier and its sizes. variation: of the clips from epoch to epoch. training: its length.
+    model: the kind of classifier and its sizes; it has as many answers as its clips have classes.
+    variation: of the clips from epoch to epoch. training: its length.
     tensorboard: write curves to `curves/` of the run's directory.
     distribution: the processes that train together; each needs a run directory of its own.
     """
@@ -76,8 +76,9 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
     counted = config.tests or config.clips
     require_clips((*counted, *config.also_test), "test")
     clips, val = _clips(config)
+    config = replace(config, model=answering(config.model, len(clips.classes)))
     console.print(f"clips: {len(clips.label)} train, {len(val.label)} val")
-    classifier = _train(config, run, console, clips, val)
+    classifier = with_card(_train(config, run, console, clips, val), classes=clips.classes)
     tests = split_figures(classifier, counted, config.also_test, split="test", frames=config.frames)
     for name, figures in tests.items():
         console.print(f"test {name}: {figures['identities']} unseen identities, accuracy {figures['accuracy']:.3f}")
@@ -85,7 +86,7 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
         "test": tests["all"],
         "tests": tests,
         "test_identities": tests["all"]["identities"],
-        "classes": CLASSES,
+        "classes": clips.classes,
         "clips": list(map(str, config.clips)),
         "training_clips": len(clips.label),
         "training_identities": len(set(clips.identity)),
@@ -99,6 +100,15 @@ def train_and_keep(config: ClassifierTraining, run: Run) -> None:
     }
     if is_first_process():
         console.print(str(_keep(run, classifier, results)), soft_wrap=True)
+
+
+def answering(model: ClassifierConfig, classes: int) -> ClassifierConfig:
+    """The model, or each part of it that answers, with so many answers."""
+    if hasattr(model, "classes"):
+        return replace(model, classes=classes)  # pyrefly: ignore
+    parts = {part.name: getattr(model, part.name) for part in fields(model)}
+    answers = {name: replace(part, classes=classes) for name, part in parts.items() if hasattr(part, "classes")}
+    return replace(model, **answers)
 
 
 def _clips(config: ClassifierTraining) -> tuple[ClipSet, ClipSet]:

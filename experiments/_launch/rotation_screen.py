@@ -7,8 +7,6 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from aerojax.core.types import CLASSES
-
 
 def show_rotations(console: Console, figures: dict[str, Any]) -> None:
     """Print figures that have the form of the act's results.json."""
@@ -26,7 +24,7 @@ def show_rotations(console: Console, figures: dict[str, Any]) -> None:
     console.print(table)
     console.print("accuracy in %; interval of the videos' by resampling identities; T fitted on val")
     recall = figures["rotations"]["none"]["trials"][0]["video"]["recall"]
-    shares = "  ".join(f"{c} {100 * r:.1f}" for c, r in zip(CLASSES, recall, strict=True) if r is not None)
+    shares = "  ".join(f"{c} {100 * r:.1f}" for c, r in zip(figures["classes"], recall, strict=True) if r is not None)
     console.print(f"video recall, unturned: {shares}")
     curve = "  ".join(f"{row['frames']}: {100 * row['accuracy']:.1f}" for row in figures["prefix_accuracy"])
     console.print(f"clip accuracy after n frames: {curve}")
