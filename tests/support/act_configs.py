@@ -18,6 +18,8 @@ REQUIRED = {
     "import_checkpoint": ("checkpoint=a.pt", "out=a.safetensors"),
     "import_clips": ("source=source", "out=out"),
     "import_models": ("models=models.yaml",),
+    "import_modelsplat": ("source=source", "out=out"),
+    "import_msr_action": ("source=source", "out=out"),
     "import_reconstructor": ("checkpoint=a.pt", "out=a.safetensors"),
     "import_replicator": ("recording=recording", "out=out", "fps=30"),
     "track": ("source=source",),

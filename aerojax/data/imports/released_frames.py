@@ -77,7 +77,7 @@ def read_sequence(
             if sequence.preprocessed:
                 columns = _preprocessed(file, sequence.label, reading.version)
             else:
-                columns = _decimated(_plain(file), reading.decimation, jax.random.fold_in(key, index))
+                columns = decimated_columns(read_gaussians(file), reading.decimation, jax.random.fold_in(key, index))
             if len(columns) < reading.tokens:
                 raise UserError(
                     "invalid", f"{file} gives {len(columns)} tokens, {reading.tokens} are asked for", "set tokens"
@@ -112,8 +112,12 @@ def _preprocessed(file: Path, label: str, version: int) -> Float32[np.ndarray, "
     return columns_from_published(columns.astype(np.float32))
 
 
-def _plain(file: Path) -> Gaussians:
-    """Gaussians of a PLY file or of a raw `.pt`."""
+def read_gaussians(file: Path) -> Gaussians:
+    """Gaussians of a PLY file or of a raw `.pt`; at least one, all finite.
+
+    Raises:
+        UserError: the file is broken, empty or holds numbers that are not finite; names it.
+    """
     gaussians = read_ply(file) if file.suffix == ".ply" else _raw(file, read_torch(file))
     if not len(gaussians.mean):
         raise UserError("missing", f"{file} holds no Gaussians", "leave it out")
@@ -137,8 +141,10 @@ def _raw(file: Path, content: object) -> Gaussians:
     return Gaussians(position, quaternion, scale, opacity[:, 0], colour[:, None])
 
 
-def _decimated(gaussians: Gaussians, config: DecimationConfig, key: Key[Array, ""]) -> Float32[np.ndarray, "token 14"]:
-    """Decimated columns; padded to powers of two with repeats, so that few sizes are compiled."""
+def decimated_columns(
+    gaussians: Gaussians, config: DecimationConfig, key: Key[Array, ""]
+) -> Float32[np.ndarray, "token 14"]:
+    """Columns of `decimate`d Gaussians; padded to powers of two with repeats, so that few sizes are compiled."""
     columns = np.asarray(gaussians.columns())
     count = len(columns)
     padded = columns[np.arange(1 << (count - 1).bit_length()) % count]
