@@ -57,6 +57,7 @@ ALONE = {
     "fit_gaussians": (("fit.steps=2", "fit.report_every=1"), {}),
     "fuzz": (("seconds=1", "only=[obj]", "workers=1"), {}),
     "generate_clips": (("individuals=1", "clips=1", "least_frames=1", "workers=1"), {}),
+    "generate_shapes": (("per_class={train: 1, val: 1, test: 1}", "tokens=32", "versions=1"), {}),
     "generate_views": (("objects=2", "poses=1", "attempts=4", "workers=1"), {}),
     "measure_colour_leak": (("per_class=1", "views=1", "permutations=2"), {}),
     "measure_cost": (("variant=[exact]", "mode=[X]", "untrained=[]", "repeats=2"), {}),
