@@ -157,8 +157,9 @@ class VoxelVoteSegmenter:
             found = [one for one in self._found(volume, moving) if not _is_light(one, moving)]
             for camera, (one, before) in enumerate(zip(moving, known, strict=True)):
                 if one is not None and before is not None:
-                    regions = [candidate.regions[camera] for candidate in found]
-                    outlines[camera].append([outline_of(region) for region in regions if region is not None])
+                    regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
+                    hulls = [outline_of(region, one.weight) for region in regions]
+                    outlines[camera].append([hull for hull in hulls if hull is not None])
                     shown[camera].append(as_background(one.image, one.seen, before))
         return tuple(
             None if one is None else without_lingering(one, images, kept)
