@@ -149,3 +149,11 @@ def test_frames_side_by_side_are_frames_alone():
     for t in range(3):
         for ours, theirs in zip(jax.tree.leaves(together), jax.tree.leaves(merged(clip[t], mask[t])), strict=True):
             np.testing.assert_allclose(ours[t], theirs, atol=1e-5)
+
+
+def test_means_are_counted_from_an_origin():
+    columns, mask = cloud(6), jnp.ones(96, bool)
+    origin = jnp.array([[0.5, -2.0, 1.0], [1e-3, 0.0, 0.0]], columns.dtype)
+    plain, moved = merged(columns, mask), merged(columns, mask, origin=origin)
+    np.testing.assert_allclose(moved.mean, plain.mean - origin.sum(axis=0, keepdims=True), atol=1e-6)
+    np.testing.assert_array_equal(moved.covariance, plain.covariance)

@@ -38,7 +38,7 @@ class MotionState:
     """What is remembered of the frames that had tokens.
 
     count: of those frames.
-    centre: of the last one, metres: the rounded one, and how far from that the centre lies. Two parts keep the digits
+    centre: of the last one, metres: a token's place, and how far from that the centre lies. Two parts keep the digits
         of steps that are small beside the distance from the origin.
     velocity, smooth: into it and smoothed, radii a frame.
     moment: its second moments, radii squared. window: shape invariants of the last frames, the newest last.
@@ -146,7 +146,7 @@ def shape_features(
     the largest; distances from the centre below which 10, 50, 90 and 100 % of the tokens lie; |E[|x|²x]| and |E[xxx]|,
     which vanish for bodies that are their own point reflection; E[|x|⁴]/(2 E[|x|²]²).
     """
-    axes = jnp.sqrt(_principal_variances(position, share, moment) + 1e-6)
+    axes = jnp.sqrt(principal_variances(position, share, moment) + 1e-6)
     square = jnp.sum(position**2, axis=-1)
     ordered = jnp.sort(jnp.where(mask, jnp.sqrt(square + 1e-12), jnp.inf))
     last = jnp.maximum(mask.sum() - 1, 0).astype(position.dtype)
@@ -162,7 +162,7 @@ def shape_features(
     return jnp.concatenate([axes, axes[1:] / axes[0], quantiles, jnp.stack([skewness, third, peak])])
 
 
-def _principal_variances(
+def principal_variances(
     position: Float[Array, "token 3"], share: Float[Array, "token"], moment: Float[Array, "3 3"]
 ) -> Float[Array, "3"]:
     """Variances along the principal axes, the largest first.

@@ -17,6 +17,7 @@ from aerojax.classify.mambasplat.motion import (
     SHAPE_FEATURES,
     WINDOW,
     feature_count,
+    principal_variances,
     shape_features,
     spectrum_features,
 )
@@ -146,3 +147,25 @@ def test_floaters_do_not_change_the_robust_scale():
         config = MambaSplatConfig(mode="C", scale_normalisation=name, metric_size=True)
         ratio[name] = float(np.exp(features(far, config=config) - features(clip, config=config))[1, 0])
     assert ratio["robust"] < 1.5 and ratio["clip"] > 2
+
+
+def test_a_thin_body_keeps_the_digits_of_its_thickness():
+    """A solver's eigenvalues are rounded by 1e-7 of the largest, which is a tenth of this body's smallest."""
+    points = np.random.default_rng(0).normal(size=(200, 3)) * [1.0, 0.3, 1e-3]
+    turned = (points @ np.asarray(haar_rotation(key=jax.random.key(0)), np.float64).T).astype(np.float32)
+    exact = np.linalg.svd(turned.astype(np.float64), compute_uv=False) ** 2 / 200
+    share = jnp.full(200, 1 / 200, jnp.float32)
+    found = principal_variances(jnp.asarray(turned), share, jnp.asarray(turned.T @ turned / 200))
+    np.testing.assert_allclose(found, exact, rtol=1e-5)
+
+
+def test_small_steps_far_from_the_origin():
+    """Places are multiples of 2⁻¹², so that the way to a kilometre off is exact, and so is what is left there."""
+    rng = np.random.default_rng(0)
+    clip = np.array(random_clip(0, time=4, tokens=48, dtype=np.float32))
+    cloud, steps = rng.integers(-(2**11), 2**11, (48, 3)), rng.integers(-40, 40, (4, 1, 3)).cumsum(axis=0)
+    clip[..., :3] = (cloud + steps) / 2**12
+    far = clip.copy()
+    far[..., :3] += [1024, -512, 256]
+    near, away = (features(jnp.asarray(one), config=EVERY) for one in (clip, far))
+    np.testing.assert_allclose(away, near, atol=2e-5)
