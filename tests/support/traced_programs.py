@@ -1,0 +1,31 @@
+"""What a traced program computes."""
+
+from __future__ import annotations
+
+import math
+
+
+def matrix_products(jaxpr) -> int:
+    """Multiply-adds of all products of two matrices in a traced program.
+
+    Products with a single vector are left out, and those without a sum.
+    """
+    total = 0
+    for equation in jaxpr.eqns:
+        repeat = equation.params.get("length", 1) if equation.primitive.name == "scan" else 1
+        for value in equation.params.values():
+            inner = getattr(value, "jaxpr", value)
+            total += repeat * matrix_products(inner) if hasattr(inner, "eqns") else 0
+        if equation.primitive.name == "dot_general":
+            total += _product(equation)
+    return total
+
+
+def _product(equation) -> int:
+    (contracted, other), (batch, _) = equation.params["dimension_numbers"]
+    left, right = (v.aval.shape for v in equation.invars)
+    shared = math.prod(left[i] for i in contracted) * math.prod(left[i] for i in batch)
+    rows = math.prod(left) // shared
+    columns = math.prod(right) // shared
+    both = len(left) > len(contracted) + len(batch) and len(right) > len(other) + len(batch)
+    return shared * rows * columns if both and contracted else 0
