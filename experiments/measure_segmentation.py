@@ -95,7 +95,7 @@ def _some(capture: Capture, cameras: int, frames: int) -> Capture:
     return replace(capture, cameras=kept, frames=min(frames or capture.frames, capture.frames))
 
 
-@experiment(Config)
+@experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a capture."""
     cases = [(path, n, k) for path in _folders(config) for n in config.cameras for k in config.views]
