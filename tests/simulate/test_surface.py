@@ -11,7 +11,9 @@ import trimesh
 from pxr import UsdShade
 from support.usd_examples import define_quad, define_textured_material, open_stage, write_picture, write_solid
 
-from aerojax.capture.format import CaptureCamera
+from aerojax.capture.format import CaptureCamera, Truth, read_capture
+from aerojax.capture.paths import frame_path
+from aerojax.capture.truth import rotate_truth
 from aerojax.core.errors import UserError
 from aerojax.core.types import SH_C0, Camera
 from aerojax.gaussians.io.ply import read_ply, write_ply
@@ -20,11 +22,14 @@ from aerojax.geometry.cameras import look_at
 from aerojax.geometry.rotations import rotation_from_quaternion
 from aerojax.simulate.assets.animated import build_animated
 from aerojax.simulate.assets.catalogue import identities
+from aerojax.simulate.plan.planner import SequenceConfig, plan_sample
+from aerojax.simulate.record import record_scene
 from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.render.image import ImageConfig
 from aerojax.simulate.render.scene import SceneRenderer
 from aerojax.simulate.surface import SurfaceConfig, draw_surface_points, surface_gaussians
 from aerojax.simulate.usd.animated_mesh import load_animated_mesh
+from aerojax.simulate.world.random_rigs import RandomRigConfig
 
 WIDTH = 320
 
@@ -120,6 +125,22 @@ def test_files_hold_normals(ball, tmp_path):
     raw = (tmp_path / "a.ply").read_bytes().split(b"end_header\n", 1)[1]
     np.testing.assert_array_equal(np.frombuffer(raw, "<f4").reshape(20, 17)[:, 3:6], found.normal)
     np.testing.assert_allclose(read_ply(tmp_path / "a.ply").mean, found.columns[:, :3], atol=1e-6)
+
+
+def test_a_recorded_scene_keeps_the_gaussians_of_every_frame(tmp_path):
+    """On the surface that the masks and boxes show, in the world's frame, named by the truth."""
+    drone = next(i for i in identities("test", 1) if i.label == "drone")
+    rig = RandomRigConfig(cameras=3, width=64, height=48, span_px=(30.0, 30.0), distance=(10.0, 10.0))
+    plan = plan_sample(drone, SequenceConfig(rigs=(rig,), frames=2), seed=2, assets=tmp_path / "assets")
+    record_scene(dataclasses.replace(plan, surface=SurfaceConfig(count=300)), tmp_path / "capture")
+    (flown,) = read_capture(tmp_path / "capture").truth.objects
+    assert flown.gaussians == "gaussians/object_1/{frame:06d}.ply"
+    for state in flown.frames:
+        mean = np.asarray(read_ply(tmp_path / "capture" / frame_path(flown.gaussians, state.frame)).mean)
+        low, high = np.array(state.aligned_box.low), np.array(state.aligned_box.high)
+        assert mean.shape == (300, 3) and np.all(mean >= low - 1e-5) and np.all(mean <= high + 1e-5)
+        assert np.all(np.ptp(mean, axis=0) > 0.7 * (high - low))
+    assert rotate_truth(Truth((flown,)), np.eye(3)).objects[0].gaussians is None
 
 
 def test_what_makes_no_sense_is_refused():
