@@ -165,15 +165,15 @@ def test_a_cut_view_cuts_where_it_sees_and_nowhere_else():
 
 
 def test_what_one_view_alone_sees_is_not_kept():
-    views = views_of(rig(3), partial(sphere_mask, radius=0.4))
+    views, valid = views_of(rig(4), partial(sphere_mask, radius=0.4)), jnp.arange(4) < 3
     cut = cut_beyond(cut_beyond(views, 1, SIZE // 2), 2, SIZE // 2)
-    found, count, _ = hull(cut, jnp.ones(3, bool))
+    found, count, _ = hull(cut, valid)
     points = real(found, count).mean
     cameras = [one(views.camera, i) for i in (1, 2)]
     columns = np.stack([np.asarray(project_points(jnp.asarray(points), camera))[:, 0] for camera in cameras])
     assert int(count) > 50 and (columns.min(axis=0) < SIZE / 2 + 3).all()
     nothing = jnp.ones(views.mask.shape, bool).at[1:].set(False)
-    assert int(hull(replace(cut, known=nothing), jnp.ones(3, bool))[1]) == 0
+    assert int(hull(replace(cut, known=nothing), valid)[1]) == 0
 
 
 def test_a_cut_view_gives_no_colour_beyond_its_border():

@@ -129,17 +129,17 @@ def test_cameras_that_cut_the_object_are_used_and_it_is_said(monkeypatch):
 
 
 def test_one_camera_that_shows_the_whole_object_is_enough_with_those_that_cut_it(monkeypatch):
-    cameras = network(3)
-    for camera, column in ((1, 44), (2, 100)):
+    cameras = network()
+    for camera, column in ((1, 42), (2, 76), (3, 110)):
         cameras = aimed_aside(cameras, camera, column)
     frames = list(frame_sets(cameras, range(4, 5)))
     appeared, seen = run(make_pipeline(cameras, SMALL, key=KEY), frames)
-    assert isinstance(appeared, Appeared) and isinstance(seen, Updated) and seen.cut == (1, 2)
+    assert isinstance(appeared, Appeared) and isinstance(seen, Updated) and seen.cut == (1, 2, 3)
     assert np.linalg.norm(seen.position - position_at(4)) < 0.3
     in_world = transform(seen.gaussians, jnp.asarray(cameras[0].world_from_cam, jnp.float32)).mean
     assert np.linalg.norm(np.asarray(in_world) - position_at(4)[None], axis=1).max() < 0.8
     assert seen.seen.crops is not None
-    np.testing.assert_array_equal(seen.seen.crops.valid, [True, False, False])  # classifiers read whole objects
+    np.testing.assert_array_equal(seen.seen.crops.valid, [True, False, False, False])  # classifiers read whole objects
     assert np.isnan(seen.consistency.shift_m).all() and np.isfinite(seen.consistency.uncovered).all()
     assert Disagreement.of(seen.consistency, None).rows == 0
     monkeypatch.setattr(HullConfig, "reads_known", False)

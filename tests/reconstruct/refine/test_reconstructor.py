@@ -128,6 +128,7 @@ def test_views_that_do_not_count_change_nothing():
     assert largest_difference(distinct_columns(plain), distinct_columns(everything)) > 1e-2
 
 
+@pytest.mark.long
 def test_a_cut_view_counts_and_what_lies_beyond_its_border_does_not():
     views, member = sphere_views(), busy()
     plain, count = answer(member, cut_beyond(views, 3, 48), ALL)
