@@ -10,6 +10,7 @@ from jaxtyping import Float64, Int64
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.capture.lenses import undistort_points
+from aerojax.geometry.cameras import pixels_of_camera_points, points_in_camera
 
 Vector = Float64[np.ndarray, "3"]
 Matrix = Float64[np.ndarray, "3 3"]
@@ -168,15 +169,15 @@ def sight_of_points(
     The derivative of u = fx·X/Z + s·Y/Z + cx, v = fy·Y/Z + cy by the world's axes (Hartley & Zisserman 2004, §6.1).
     What lies behind the camera has no meaning in the first two; look at the depth.
     """
-    rotation, centre = camera.world_from_cam[:3, :3], camera.world_from_cam[:3, 3]
-    inside = (points - centre) @ rotation
+    rotation = camera.world_from_cam[:3, :3]
+    inside = points_in_camera(points, camera)
     depth = inside[..., 2]
     safe = np.where(np.abs(depth) < 1e-6, 1e-6, depth)
-    slopes = np.stack([inside[..., 0] / safe, inside[..., 1] / safe, np.ones_like(safe)], axis=-1)
-    pixels = slopes @ camera.K[:2].T
+    slopes = inside[..., :2] / safe[..., None]
+    pixels = pixels_of_camera_points(inside, camera)
     by_slope = np.zeros((*depth.shape, 2, 3))
     by_slope[..., :2] = camera.K[:2, :2]
-    by_slope[..., 2] = -(slopes[..., :2] @ camera.K[:2, :2].T)
+    by_slope[..., 2] = -(slopes @ camera.K[:2, :2].T)
     return pixels, by_slope / safe[..., None, None] @ rotation.T, depth
 
 
