@@ -97,11 +97,11 @@ def test_a_shadow_keeps_the_texture_and_an_object_has_none_of_it():
         image = still.copy()
         image[place.window] = cover(image[place.window])
         seen = difference_of(image, known, CONFIG)
-        unlike = unlike_background(image, seen, np.ones(still.shape[:2], np.float32), place)
+        unlike = unlike_background(image, seen, place, CueConfig())
         assert unlike is not None and (unlike < 0.3) == light
     plain = learnt([np.full((120, 160, 3), 128, np.uint8)] * 5, CONFIG)
     seen = difference_of(image, plain, CONFIG)
-    assert unlike_background(image, seen, np.ones(still.shape[:2], np.float32), place) is None
+    assert unlike_background(image, seen, place, CueConfig()) is None
 
 
 def test_how_many_cameras_must_agree():

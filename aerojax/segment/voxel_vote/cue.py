@@ -76,8 +76,8 @@ def _mean(image: Float32[np.ndarray, "height width"]) -> Float32[np.ndarray, "he
 def unlike_background(
     image: Float32[np.ndarray, "height width 3"],
     seen: Difference,
-    weight: Float32[np.ndarray, "height width"],
     region: Region,
+    config: CueConfig,
 ) -> float | None:
     """How badly other light explains a region's changed pixels: 0 for its own background, about 1 for an object.
 
@@ -86,9 +86,11 @@ def unlike_background(
     correlation of the logarithms' steps from pixel to pixel, along rows or along columns, whichever shows more.
 
     Returns:
-        None where the background has no texture to recognise, or too few pixels changed.
+        None where the background has no texture to recognise, or too few pixels changed; their weight does not matter,
+        because it is small where light was recognised already.
     """
-    changed = (weight[region.window] > 0.5) & region.inside
+    size, deviation = seen.size[region.window], seen.deviation[region.window]
+    changed = (size > np.maximum(config.deviations[0] * deviation, config.least)) & region.inside
     if np.count_nonzero(changed) < FEWEST_PIXELS:
         return None
     a, b = (grey(np.ascontiguousarray(one[region.window])) for one in (image, seen.predicted))

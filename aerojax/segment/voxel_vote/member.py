@@ -44,6 +44,8 @@ CHANGES = 0.02
 """Change of a pixel since the last frame, grey, at least."""
 FEWEST_CHANGED = 3
 """Pixels of an image in which an object changes."""
+SAYING = 0.35
+"""Share of the cameras that recognise a shadow, of those before which the background has a texture."""
 UNLIKE = 0.6
 """Share of its background's texture that light leaves unexplained in a place's image, from which on it is an object."""
 
@@ -126,7 +128,10 @@ class VoxelVoteSegmenter:
         config = self.config
         moving = [self._moving(image, one) for image, one in zip(frames.rgb, state.cameras, strict=True)]
         found = self._found(state.volume, moving)
-        changing, light = [_changes(one, moving) for one in found], [_is_light(one, moving) for one in found]
+        changing, light = (
+            [_changes(one, moving) for one in found],
+            [_is_light(one, moving, self.config.cue) for one in found],
+        )
         now, lost = linked(state.objects, found, changing, light, frames.time_s, state.numbers, config.objects)
         numbers = max([state.numbers, *(one.number for one in now)])
         lasting = [one.still is not None and one.still <= config.objects.still_after and not one.shadow for one in now]
@@ -154,7 +159,7 @@ class VoxelVoteSegmenter:
         outlines: list[list[list[np.ndarray]]] = [[] for _ in images]
         for frame in range(0, count, 2):
             moving = [self._moving(_floats(one[frame]), CameraState(k)) for one, k in zip(images, known, strict=True)]
-            found = [one for one in self._found(volume, moving) if not _is_light(one, moving)]
+            found = [one for one in self._found(volume, moving) if not _is_light(one, moving, self.config.cue)]
             for camera, (one, before) in enumerate(zip(moving, known, strict=True)):
                 if one is not None and before is not None:
                     regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
@@ -245,12 +250,15 @@ def _changes(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
     return sum(changed) >= 2
 
 
-def _is_light(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
-    """Whether most cameras see the background itself there, in other light: a cast shadow meets on the ground."""
+def _is_light(one: Candidate, moving: Sequence[_Moving | None], config: CueConfig) -> bool:
+    """Whether cameras see the background itself there, in other light: a cast shadow meets on the ground.
+
+    Not most of them have to say so: where they look flat along the ground, little of a shadow is left but its rim.
+    """
     pairs = [(r, cue) for r, cue in zip(one.regions, moving, strict=True) if r is not None and cue is not None]
-    said = [unlike_background(cue.image, cue.seen, cue.weight, region) for region, cue in pairs]
+    said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in pairs]
     said = [unlike for unlike in said if unlike is not None]
-    return bool(said) and float(np.median(said)) < UNLIKE
+    return bool(said) and float(np.quantile(said, SAYING)) < UNLIKE
 
 
 def _floats(image: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width 3"]:
