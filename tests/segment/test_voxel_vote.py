@@ -5,14 +5,19 @@ from __future__ import annotations
 import pickle
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from support.cluttered_scenes import Flyer, Scene, circling
 from support.cluttered_scenes import cluttered as with_clutter
 
-from aerojax.capture.format import read_capture
+from aerojax.capture.format import Capture, read_capture, write_capture_json
 from aerojax.capture.frames import read_frames
+from aerojax.capture.write import write_frame
+from aerojax.classify.load import load_classifier
 from aerojax.evaluate.segmentation import frame_score, segmentation_figures
+from aerojax.pipeline.config import PipelineConfig
+from aerojax.pipeline.offline import reconstruct_capture
 from aerojax.pipeline.source import capture_preview
 from aerojax.segment.base import Segmenter
 from aerojax.segment.voxel_vote.member import VoxelVoteConfig
@@ -142,4 +147,20 @@ def test_reference_captures_without_their_masks(name, shared):
         scores.append(frame_score(frames, found))
     figures = segmentation_figures(scores)
     print(name, figures)
-    assert figures["median_iou"] >= 0.8 and figures["missed"] < 0.1
+    assert figures["median_iou"] >= 0.75 and figures["missed"] < 0.05 and figures["ghosts_in_100"] < 5
+
+
+@pytest.mark.long
+def test_a_capture_without_masks_is_classified(tmp_path):
+    scene = Scene((DARK,), cameras=4)
+    cameras = tuple(replace(one, rgb=f"{one.name}/rgb/{{frame:06d}}.png") for one in scene.network())
+    for frames, _ in scene.frame_sets(range(0, 60, 3)):
+        for camera, image in zip(cameras, frames.rgb, strict=True):
+            write_frame(tmp_path, camera, frames.frame // 3, image.astype(np.float64), None)
+    write_capture_json(Capture(tmp_path, 10.0, 20, cameras, None))
+    config = PipelineConfig(segment=VoxelVoteConfig())
+    clip = reconstruct_capture(read_capture(tmp_path), config, load_classifier(), key=jax.random.key(0))
+    assert len(clip.frames) >= 18 and not clip.warnings
+    off = [np.linalg.norm(place - DARK.path(3 * f)) for f, place in zip(clip.frames, clip.position, strict=True)]
+    assert max(off) < 0.25
+    assert np.exp(clip.log_probabilities[-1]).sum() == pytest.approx(1.0, abs=1e-5)
