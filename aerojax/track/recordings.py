@@ -31,17 +31,18 @@ def read_recording(
     Raises:
         UserError: names the file and what is wrong with it.
     """
-    given = None if cameras is None else read_cameras(cameras)
+    known = None if cameras is None else read_cameras(cameras)
+    given = None if known is None else known.cameras
     if (source / "capture.json").is_file():
         capture = read_capture(source)
         own = tuple(timed(camera) for camera in capture.cameras)
-        return mask_detections(capture, progress=progress), _same(own, given and given.cameras, source), capture
+        return mask_detections(capture, progress=progress), _same(own, given, source), capture
     if is_drone_tracking(source):
         own, detections = read_drone_tracking(source)
-        return detections, _same(own, given and given.cameras, source), None
-    if given is None:
+        return detections, _same(own, given, source), None
+    if known is None:
         raise UserError("missing", "cameras is not set", "give capture.json or a file like it: cameras=FILE")
-    return read_detections([source], given), given.cameras, None
+    return read_detections([source], known), known.cameras, None
 
 
 def _same(own: tuple[TimedCamera, ...], given: tuple[TimedCamera, ...] | None, source: Path) -> tuple[TimedCamera, ...]:
