@@ -44,7 +44,7 @@ class Frames:
 
     columns: so changed; zero for padded tokens.
     extra: each frame's further invariants: log of the radius in metres (`metric_size`) and those of `motion`.
-    centre: metres, as the sum of two parts: a token's place, and what lacks to it.
+    centre: metres, as the sum of two parts: the rounded one, and what lacks to it.
     radius: metres.
     """
 
@@ -82,25 +82,21 @@ def normalise_after(
         weights = weights * jnp.maximum(columns[..., 10], 1e-6)
     total = weights.sum(axis=1)
     mass = jnp.maximum(total, 1e-9)[:, None]
-    # From the token nearest to the centre: sums of short ways keep the digits that a mean far from the origin loses. A
-    # number that is computed would not do, since compilers repeat cheap products and round them otherwise.
-    rough = pairwise_sum(columns[..., :3] * weights[..., None], axis=1) / mass
-    away = jnp.sum((columns[..., :3] - rough[:, None]) ** 2, axis=-1)
-    nearest = jnp.argmin(jnp.where(mask, away, jnp.inf), axis=1)
-    anchor = jnp.take_along_axis(columns[..., :3], nearest[:, None, None], axis=1)
-    offset = columns[..., :3] - anchor
+    # The mean of what the first mean leaves: the sum of small numbers keeps the digits that the first one lost.
+    centre = pairwise_sum(columns[..., :3] * weights[..., None], axis=1) / mass
+    offset = columns[..., :3] - centre[:, None]
     beside = pairwise_sum(offset * weights[..., None], axis=1) / mass
     centred = jnp.where(mask[..., None], offset - beside[:, None], 0.0)
-    centre = jnp.stack([anchor[:, 0], beside], axis=1)
+    centre = jnp.stack([centre, beside], axis=1)
     moment = pairwise_sum(jnp.sum(centred * centred, axis=-1) * weights, axis=1)
     so_far = before.moment + jnp.cumsum(moment), before.weight + jnp.cumsum(total)
     radius = _radius(centred, mask, (moment, total), so_far, config)
     extra = [jnp.log(radius)[:, None]] if config.metric_size else [jnp.zeros((len(radius), 0), radius.dtype)]
-    unit = radius[:, None, None]
+    inverse = 1 / radius[:, None, None]
     if motion is not None:
-        found, motion = features_after(motion, centred / unit, weights, centre, radius, config)
+        found, motion = features_after(motion, centred * inverse, weights, centre, radius, config)
         extra.append(found)
-    parts = (centred / unit, columns[..., 3:7], columns[..., 7:10] / unit, columns[..., 10:])
+    parts = (centred * inverse, columns[..., 3:7], columns[..., 7:10] * inverse, columns[..., 10:])
     scale = ScaleSums(so_far[0][-1], so_far[1][-1])
     frames = Frames(jnp.concatenate(parts, axis=-1), jnp.concatenate(extra, axis=1), centre, radius)
     return frames, scale, motion

@@ -38,7 +38,7 @@ class MotionState:
     """What is remembered of the frames that had tokens.
 
     count: of those frames.
-    centre: of the last one, metres: a token's place, and how far from that the centre lies. Two parts keep the digits
+    centre: of the last one, metres: the rounded one, and how far from that the centre lies. Two parts keep the digits
         of steps that are small beside the distance from the origin.
     velocity, smooth: into it and smoothed, radii a frame.
     moment: its second moments, radii squared. window: shape invariants of the last frames, the newest last.

