@@ -21,10 +21,14 @@ from aerojax.core.types import FrameSet
 class ClutterConfig:
     """How much of it.
 
-    clouds: greatest opacity of clouds, which drift `cloud_px` pixels a frame over the upper two thirds.
-    leaves: crowns of trees in the lower third that wave by up to `wave_px` pixels.
+    clouds: greatest opacity of the clouds over the upper two thirds.
+    cloud_px: by which they drift, pixels a frame.
+    leaves: crowns of trees in the lower third.
+    wave_px: by which their leaves wave, pixels at most.
     shadows: dark patches that wander over the lower half, half of them soft and large.
-    drift: by which the brightness swings, as a share. noise: of the sensor, sRGB. sway_px: of the camera.
+    drift: by which the brightness swings, as a share.
+    noise: of the sensor, standard deviation, sRGB.
+    sway_px: of the camera, pixels at most about.
     """
 
     clouds: float = 0.4

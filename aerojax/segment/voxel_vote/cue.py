@@ -100,8 +100,8 @@ def unlike_background(
     texture = float(np.median(np.abs(inside_b - np.median(inside_b))))
     if 1.5 * texture <= TEXTURE * gain:
         return None
-    logarithms = [np.log(np.maximum(one, 0) + np.float32(0.02)) for one in (a, b)]
-    steps = max(_step_correlation(*logarithms, changed), _step_correlation(*(one.T for one in (*logarithms, changed))))
+    log_a, log_b = (np.log(np.maximum(one, 0) + np.float32(0.02)) for one in (a, b))
+    steps = max(_step_correlation(log_a, log_b, changed), _step_correlation(log_a.T, log_b.T, changed.T))
     return min(float(np.median(np.abs(inside_a - inside_b))) / texture, 1 - steps)
 
 
