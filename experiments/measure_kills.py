@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import sys
 import tempfile
@@ -107,7 +108,7 @@ def main(config: Config, run: Run) -> None:
     rows = earlier(run.directory / "results.json", config)
     results = summary(rows)
     with tempfile.TemporaryDirectory() as folder:
-        for reached in measure(config, Path(folder), rows):
+        for reached in itertools.chain([rows], measure(config, Path(folder), rows)):
             results = summary(reached)
             notes = {"left_out": LEFT_OUT, "seed": config.seed, "command": run.command, **provenance(run.overrides)}
             notes["date"] = datetime.now(UTC).isoformat(timespec="seconds")
