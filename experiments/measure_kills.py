@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,10 +17,10 @@ from rich.table import Table
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.provenance import commit, provenance
-from aerojax.core.seeds import seed_of
 from aerojax.evaluate.kills.outputs import FOREIGN, UNFINISHED, VOLATILE
 from aerojax.evaluate.kills.trials import try_target
 from experiments._kills.acts import ACTS, IGNORED, ROOT, make_inputs, targets
+from experiments._kills.rows import earlier_rows, summary
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -71,23 +70,6 @@ def measure(config: Config, folder: Path, rows: dict[str, dict[str, Any]]) -> It
             yield rows
 
 
-def earlier(path: Path, config: Config) -> dict[str, dict[str, Any]]:
-    """Rows without failures of a call that was stopped: of these acts, and of this seed."""
-    if not path.is_file():
-        return {}
-    found = json.loads(path.read_text(encoding="utf-8"))
-    good = [row for row in found["acts"] if not row["failures"] and row["act"] in (config.only or ACTS)]
-    good = [row for row in good if row["seed"] == seed_of("kills", config.seed, row["act"])]
-    return {row["act"]: {"commit": found["commit"], **row} for row in good}
-
-
-def summary(rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Sums, and a row an act; JSON-ready."""
-    sums: dict[str, Any] = {name: sum(row[name] for row in rows.values()) for name in ("kills", "byte_equal")}
-    sums["failures"] = sum(len(row["failures"]) for row in rows.values())
-    return {**sums, "acts": list(rows.values())}
-
-
 def show(acts: Sequence[Mapping[str, Any]], console: Console) -> None:
     """A row an act, and what was wrong."""
     table = Table("act", "s", "kills", "runs", "equal", "failures")
@@ -105,7 +87,7 @@ def main(config: Config, run: Run) -> None:
     """Write results.json after each act, and go on from it; code 1 if an act left something else than it should."""
     if unknown := sorted(set(config.only) - set(ACTS)):
         raise UserError("out-of-range", f"only={unknown} are no acts", f"known are {', '.join(ACTS)}")
-    rows = earlier(run.directory / "results.json", config)
+    rows = earlier_rows(run.directory / "results.json", config.only or ACTS, config.seed)
     results = summary(rows)
     with tempfile.TemporaryDirectory() as folder:
         for reached in itertools.chain([rows], measure(config, Path(folder), rows)):

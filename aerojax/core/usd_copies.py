@@ -12,7 +12,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from typing import Any
 
 from aerojax.core import usd_flatten
 from aerojax.core.errors import UserError
+from aerojax.core.files import temporary_file
 
 PREFIX = "aerojax_usd_"
 """How the names of copies begin, in the system's folder for temporary files."""
@@ -50,13 +50,8 @@ def usd_copy(path: Path) -> Iterator[UsdCopy]:
         UserError: it is no USD file, a value in it cannot be read, reading it ends the USD library or takes far longer
             or more memory than a file of its size should, or there is no place for the copy.
     """
-    handle, name = tempfile.mkstemp(prefix=PREFIX, suffix=".usdc")
-    os.close(handle)
-    copy = Path(name)
-    try:
+    with temporary_file(PREFIX, ".usdc") as copy:
         yield UsdCopy(copy, _flattened(path, copy))
-    finally:
-        copy.unlink(missing_ok=True)
 
 
 def is_flattening(command: Sequence[object]) -> bool:
