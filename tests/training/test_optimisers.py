@@ -66,8 +66,8 @@ def test_milestones_divide_the_rate():
     rate = learning_rate(config, steps=100)
     found = [float(rate(step)) for step in (0, 10, 20, 39, 40, 59, 60, 99)]
     np.testing.assert_allclose(found, [0.005, 0.5 * 0.505, 0.5, 0.5, 0.05, 0.05, 0.005, 0.005], rtol=1e-5)
-    with pytest.raises(UserError, match=r"milestones is \[0.5, 20\]"):
-        OptimiserConfig(milestones=(0.5, 20))
+    with pytest.raises(UserError, match="milestones is"):
+        OptimiserConfig(milestones=(0.5, 20.0))
 
 
 def test_two_steps_of_sgd_by_hand():

@@ -65,7 +65,8 @@ class Target:
 class Limits:
     """Bounds on one case.
 
-    seconds: wall time, ten times what the slowest reader takes on a busy machine. megabytes: of address space beyond what the process holds when it begins.
+    seconds: wall time, ten times what the slowest reader takes on a busy machine.
+    megabytes: of address space beyond what the process holds when it begins.
     """
 
     seconds: float = 20.0
