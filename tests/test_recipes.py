@@ -33,11 +33,15 @@ def plys(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("code", fenced(RECIPES, "python"), ids=HEADINGS)
 def test_recipes_run(code, plys, monkeypatch, capsys):
-    monkeypatch.setattr(members, "MEMBERS", members.MEMBERS | {})
+    known = dict(members.MEMBERS)
     for name, value in LOOSE.items():
         jax.config.update(name, value)
     module = types.ModuleType("recipe")  # where dataclasses look for the names in annotations
     monkeypatch.setitem(sys.modules, "recipe", module)
-    exec(compile(code, "docs/recipes.md", "exec"), module.__dict__)
+    try:
+        exec(compile(code, "docs/recipes.md", "exec"), module.__dict__)
+    finally:  # a recipe adds a member, and other rooms hold this very mapping
+        members.MEMBERS.clear()
+        members.MEMBERS.update(known)
     written = sorted(path.name for path in plys.iterdir())
     assert capsys.readouterr().out or written != ["plys"]

@@ -45,6 +45,7 @@ def test_detections_become_tracks_and_go_on_after_a_restart(act, tmp_path):
     assert metrics["tracks"] == 2 and metrics["moments"] == 15
 
 
+@pytest.mark.long
 def test_corrections_are_reported_and_applied_on_request_alone(act, tmp_path):
     rng = np.random.default_rng(0)
     turn = Correction(0.0, 0.0, 0.0, np.radians([0.3, -0.3, 0.25]), np.zeros(3), np.zeros(9))

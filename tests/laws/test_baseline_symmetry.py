@@ -62,6 +62,7 @@ def test_only_vn_pointnet_knows_handedness(x64, name):
     assert difference > 1e-6 if name == "vn_pointnet" else difference <= 1e-10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CLIP_WISE)
 def test_rotations_change_the_answer_of_the_others(name):
     """Measured over 4 rotations: largest change of a logit over the spread of logits between clips."""

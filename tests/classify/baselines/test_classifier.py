@@ -36,6 +36,7 @@ def network_logits(classifier, columns, valid):
     return classifier.logits(columns, jnp.broadcast_to(valid[:, None], columns.shape[:2]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["vn_pointnet", *long("vn_dgcnn")])
 def test_votes_are_a_stream(name):
     classifier = tiny_classifier(name, ensembles=3)  # of which two have tokens
@@ -60,6 +61,7 @@ def test_a_clip_is_the_mean_of_its_frames(name):
     np.testing.assert_allclose(read(classifier, columns, jnp.asarray(VALID))[-1], together, atol=1e-5)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["p4transformer", *long("mamba4d")])
 def test_rows_are_those_of_the_prefixes(name):
     classifier, columns = tiny_classifier(name), random_clip(3, time=TIME, tokens=TOKENS)
@@ -72,6 +74,7 @@ def test_rows_are_those_of_the_prefixes(name):
     np.testing.assert_allclose(read(classifier, columns, jnp.asarray(VALID))[0], np.log(0.25), atol=1e-6)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", CLIP_WISE)
 def test_absent_frames_and_tokens_leave_no_trace(name):
     classifier, columns = tiny_classifier(name), random_clip(4, time=TIME, tokens=TOKENS)

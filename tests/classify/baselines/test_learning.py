@@ -36,6 +36,7 @@ def clips() -> ClipSet:
 VARIATION = VariationConfig(frames=TIME, tokens=TOKENS, colour=0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["vn_pointnet", "p4transformer", *long("vn_dgcnn", "mamba4d")])
 def test_the_loss_falls(name):
     task = ClipTask(clips(), clips(), VARIATION, TrainingConfig(batch=BATCH, label_smoothing=0.0), 0)

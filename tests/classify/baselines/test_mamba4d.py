@@ -43,6 +43,7 @@ def test_the_order_is_a_switch():
     assert "sorted" in Mamba4DConfig(true_sort=True).label
 
 
+@pytest.mark.long
 def test_the_stack_is_the_one_of_mambasplat():
     """Same weights, same numbers; only how it is scanned and dropped differs."""
     ours = MixerStack(16, 3, Mamba4DConfig(), key=jax.random.key(0))
