@@ -16,7 +16,10 @@ from experiments._launch.progress import progress_bar, shown_in
 
 @dataclass(frozen=True, kw_only=True)
 class Config(ShapesConfig):
-    """What is made, and where; `folder` is that of the clips."""
+    """What is made, and where.
+
+    folder: of the clips.
+    """
 
     preset: str
     folder: Path

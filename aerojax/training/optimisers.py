@@ -24,7 +24,8 @@ class OptimiserConfig:
     learning_rate: peak.
     warmup: share of all steps with a linear rise.
     final: learning rate at the end over the peak.
-    milestones: shares of the run at which the rate is multiplied by `factor`; with any of them there is no cosine.
+    milestones: shares of the run at which the rate is lowered in a step; with any of them there is no cosine.
+    factor: of the rate at each of them.
     plateaus: over how many equal parts of the run the rate stays what it is at the part's beginning, as the released
         code keeps it through each of its 50 epochs; 0 changes it with every step.
     weight_decay: of either; beta1, beta2: of AdamW; momentum: of SGD.
