@@ -73,6 +73,7 @@ def test_depth_of_one_plane(x64):
     assert np.all(depth[np.asarray(image.alpha) <= 1e-6] == 0)
 
 
+@pytest.mark.long
 def test_vmap_is_the_loop_and_broadcasting_is_one_launch(monkeypatch):
     """Two scenes times three cameras in one call: nested vmap, broadcasting, a scan and a loop agree."""
     scenes = [make_gaussians(s, dtype=np.float32) for s in (6, 7)]

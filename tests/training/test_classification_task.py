@@ -47,6 +47,7 @@ CLIPS = ClipSet(
 )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("variant", ["exact", "published"])
 def test_frames_are_prepared_whole_before_tokens_are_drawn(variant):
     config = MambaSplatConfig(**TINY) if variant == "exact" else published_config(**TINY)

@@ -39,6 +39,7 @@ def test_scores_of_any_size_stay_finite():
     assert jnp.isfinite(value) and jnp.all(jnp.isfinite(gradient))
 
 
+@pytest.mark.long
 def test_large_frames_have_the_logits_of_small_ones(monkeypatch):
     model = MambaSplat(MambaSplatConfig(depth=1, mamba_layers=1, d_model=16, token_features=8), key=jax.random.key(0))
     clip, mask = random_clip(0, time=2, tokens=24), jnp.ones((2, 24), bool).at[1, 20:].set(False)

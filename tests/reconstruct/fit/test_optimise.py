@@ -7,6 +7,7 @@ import dataclasses
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from support.splat_scenes import drawing, make_gaussians
 
 from aerojax.core.images import peak_signal_to_noise
@@ -44,6 +45,7 @@ def disc(camera):
     return 0.6 * mask[..., None] * jnp.ones((1, 1, 1, 3)), mask
 
 
+@pytest.mark.long
 def test_the_alpha_regulariser_takes_away_what_no_view_needs():
     """The hull of a ball from a circle of cameras has caps above and below; the term wears them down."""
     views = circle_of_views(disc)
