@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> None:
         return print(help_text())
     known = acts()
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.65)
         remedy = f"did you mean {near[0]}?" if near else "aerojax --help lists them"
         print(f"error: there is no act {name!r}; {remedy}", file=sys.stderr)
         sys.exit(2)

@@ -91,8 +91,8 @@ def test_files_and_headers_that_are_no_classifier_are_refused(tmp_path):
     without = {k: v for k, v in json.loads(CLASSIFIER.card.to_json()).items() if k != "tokens"}
     with pytest.raises(UserError, match="lacks tokens"):
         load_classifier(broken(tmp_path, card=json.dumps(without)))
-    foreign = dataclasses.replace(CLASSIFIER.card, member="vn_pointnet").to_json()
-    with pytest.raises(UserError, match=r"of the kind 'vn_pointnet', known are .*mambasplat"):
+    foreign = dataclasses.replace(CLASSIFIER.card, member="pointnext").to_json()
+    with pytest.raises(UserError, match=r"of the kind 'pointnext', known are .*mambasplat"):
         load_classifier(broken(tmp_path, card=foreign))
     odd = dataclasses.replace(CLASSIFIER.card, config=(*CLASSIFIER.card.config, ("wings", 2))).to_json()
     with pytest.raises(UserError, match=r"(?s)the card of .*unknown key\(s\) wings"):
