@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich.console import Console
-
-from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
 from aerojax.data.imports.released_clips import import_sequences
 from aerojax.data.imports.released_frames import FrameReading
 from aerojax.data.imports.released_layout import find_sequences
 from aerojax.data.splits import Split
 from aerojax.gaussians.decimate import DecimationConfig
 from experiments._launch.command import Run, experiment
-from experiments._launch.progress import progress_bar
+from experiments._launch.imported_clips import tell
+from experiments._launch.progress import progress_bar, shown_in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,20 +43,10 @@ def main(config: Config, run: Run) -> None:
     reading = FrameReading(config.version, config.tokens, config.decimation)
     sequences = find_sequences(config.source, label=config.label, split=config.split)
     with progress_bar("clips/s") as bar:
-        task = bar.add_task(f"clips in {config.out}", total=len(sequences))
         made = import_sequences(
-            sequences,
-            reading,
-            config.out,
-            source=config.source,
-            seed=config.seed,
-            progress=lambda done, total, what: bar.update(task, completed=done, total=total),
+            sequences, reading, config.out, source=config.source, seed=config.seed, progress=shown_in(bar)
         )
-    results = {"folder": str(config.out), "clips": made.counts, "problems": list(made.problems)}
-    write_json(run.directory / "metrics.json", results)
-    Console().print(f"{config.out}: {made.counts}", soft_wrap=True)
-    if made.problems:
-        raise UserError("invalid", "some sequences left no clip:\n  " + "\n  ".join(made.problems), "mend the files")
+    tell(made, config.out, run, what="sequences")
 
 
 if __name__ == "__main__":

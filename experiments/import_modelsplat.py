@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich.console import Console
-
-from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
 from aerojax.data.imports.modelsplat import ObjectReading, find_objects, import_objects
 from experiments._launch.command import Run, experiment
+from experiments._launch.imported_clips import tell
 from experiments._launch.progress import progress_bar, shown_in
 
 
@@ -39,11 +36,7 @@ def main(config: Config, run: Run) -> None:
         made = import_objects(
             objects, config.reading, config.out, source=config.source, seed=config.seed, progress=shown_in(bar)
         )
-    results = {"folder": str(config.out), "clips": made.counts, "problems": list(made.problems)}
-    write_json(run.directory / "metrics.json", results)
-    Console().print(f"{config.out}: {made.counts}", soft_wrap=True)
-    if made.problems:
-        raise UserError("invalid", "some objects left no clip:\n  " + "\n  ".join(made.problems), "mend the files")
+    tell(made, config.out, run, what="objects")
 
 
 if __name__ == "__main__":

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rich.console import Console
-
-from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
 from aerojax.data.imports.msr_action import ActionReading, find_recordings, import_recordings
 from experiments._launch.command import Run, experiment
+from experiments._launch.imported_clips import tell
 from experiments._launch.progress import progress_bar, shown_in
 
 
@@ -37,11 +34,7 @@ def main(config: Config, run: Run) -> None:
         made = import_recordings(
             recordings, config.reading, config.out, source=config.source, seed=config.seed, progress=shown_in(bar)
         )
-    results = {"folder": str(config.out), "clips": made.counts, "problems": list(made.problems)}
-    write_json(run.directory / "metrics.json", results)
-    Console().print(f"{config.out}: {made.counts}", soft_wrap=True)
-    if made.problems:
-        raise UserError("invalid", "some recordings left no clip:\n  " + "\n  ".join(made.problems), "mend the files")
+    tell(made, config.out, run, what="recordings")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ have their frames, so that training with windows of one frame draws another one 
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,13 +18,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float32, Key
 
-from aerojax.core.claims import claim
-from aerojax.core.config import require_at_least, to_mapping
+from aerojax.core.config import require_at_least
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
 from aerojax.core.types import Gaussians
-from aerojax.data.clips import RECORD, save_clip
-from aerojax.data.imports.released_clips import ImportedClips
+from aerojax.data.imports.each_clip import ImportedClips, import_each
 from aerojax.data.imports.released_frames import decimated_columns, read_gaussians
 from aerojax.data.splits import Split
 from aerojax.gaussians.decimate import DecimationConfig
@@ -79,6 +76,11 @@ class SplatObject:
     name: str
     label: str
     split: Split
+
+    @property
+    def identity(self) -> str:
+        """Every object is an individual."""
+        return self.name
 
 
 def find_objects(root: Path, reading: ObjectReading, *, lists: Path | None = None) -> tuple[SplatObject, ...]:
@@ -168,18 +170,11 @@ def import_objects(
     Raises:
         UserError: the folder holds clips of another source or configuration.
     """
-    claim(folder / RECORD, {"imported": {"source": str(source), "seed": seed, "reading": to_mapping(reading)}})
-    counts, problems = Counter[str](), []
-    for done, one in enumerate(objects, start=1):
-        path = folder / one.split / f"{one.name}.npz"
-        try:
-            if not path.exists():
-                key = jax.random.key(number_of(seed, one.name) % 2**31)
-                versions = reading.versions if one.split == "train" else 1
-                columns = object_columns(read_gaussians(one.file), versions, reading.decimation, key=key)
-                save_clip(path, columns, one.label, one.name, classes=CLASSES_OF[reading.subset])
-            counts[one.split] += 1
-        except UserError as error:
-            problems.append(str(error))
-        progress(done, len(objects), f"clips in {folder}")
-    return ImportedClips(dict(counts), tuple(problems))
+
+    def columns(one: SplatObject) -> np.ndarray:
+        key = jax.random.key(number_of(seed, one.name) % 2**31)
+        versions = reading.versions if one.split == "train" else 1
+        return object_columns(read_gaussians(one.file), versions, reading.decimation, key=key)
+
+    classes = CLASSES_OF[reading.subset]
+    return import_each(objects, columns, reading, folder, source=source, seed=seed, progress=progress, classes=classes)

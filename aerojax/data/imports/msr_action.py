@@ -12,7 +12,6 @@ the motion from frame to frame.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,12 +20,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Float32, UInt32
 
-from aerojax.core.claims import claim
-from aerojax.core.config import require_at_least, to_mapping
+from aerojax.core.config import require_at_least
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import seed_of
-from aerojax.data.clips import RECORD, save_clip
-from aerojax.data.imports.released_clips import ImportedClips
+from aerojax.data.imports.each_clip import ImportedClips, import_each
 from aerojax.data.splits import Split
 
 ACTIONS = (
@@ -200,15 +197,10 @@ def import_recordings(
     Raises:
         UserError: the folder holds clips of another source or configuration.
     """
-    claim(folder / RECORD, {"imported": {"source": str(source), "seed": seed, "reading": to_mapping(reading)}})
-    counts, problems = Counter[str](), []
-    for done, one in enumerate(recordings, start=1):
-        path = folder / one.split / f"{one.name}.npz"
-        try:
-            if not path.exists():
-                save_clip(path, recording_columns(one, reading, seed=seed), one.label, one.identity, classes=ACTIONS)
-            counts[one.split] += 1
-        except UserError as error:
-            problems.append(str(error))
-        progress(done, len(recordings), f"clips in {folder}")
-    return ImportedClips(dict(counts), tuple(problems))
+
+    def columns(recording: Recording) -> np.ndarray:
+        return recording_columns(recording, reading, seed=seed)
+
+    return import_each(
+        recordings, columns, reading, folder, source=source, seed=seed, progress=progress, classes=ACTIONS
+    )

@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import jax
+import numpy as np
 
-from aerojax.core.claims import claim
-from aerojax.core.config import to_mapping
-from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
-from aerojax.data.clips import RECORD, save_clip
+from aerojax.data.imports.each_clip import ImportedClips, import_each
 from aerojax.data.imports.released_frames import FrameReading, read_sequence
 from aerojax.data.imports.released_layout import FrameSequence
-
-
-@dataclass(frozen=True)
-class ImportedClips:
-    """What a run left: the number of clips by split, and what was wrong with each sequence that left none."""
-
-    counts: dict[str, int]
-    problems: tuple[str, ...]
 
 
 def import_sequences(
@@ -48,17 +36,8 @@ def import_sequences(
     Raises:
         UserError: the folder holds clips of another source or configuration.
     """
-    # Not under `pipeline`, whose settings go into trained weights: the reconstruction was somebody else's.
-    claim(folder / RECORD, {"imported": {"source": str(source), "seed": seed, "reading": to_mapping(reading)}})
-    counts, problems = Counter[str](), []
-    for done, sequence in enumerate(sequences, start=1):
-        path = folder / sequence.split / f"{sequence.name}.npz"
-        try:
-            if not path.exists():
-                key = jax.random.key(number_of(seed, sequence.name) % 2**31)
-                save_clip(path, read_sequence(sequence, reading, key=key), sequence.label, sequence.identity)
-            counts[sequence.split] += 1
-        except UserError as error:
-            problems.append(str(error))
-        progress(done, len(sequences), f"clips in {folder}")
-    return ImportedClips(dict(counts), tuple(problems))
+
+    def columns(sequence: FrameSequence) -> np.ndarray:
+        return read_sequence(sequence, reading, key=jax.random.key(number_of(seed, sequence.name) % 2**31))
+
+    return import_each(sequences, columns, reading, folder, source=source, seed=seed, progress=progress)
