@@ -109,10 +109,10 @@ def _discard(dataset: Path, config: DatasetConfig, tasks: tuple[SequenceTask, ..
 
 
 def _build_assets(jobs: list[_Job], config: DatasetConfig, dataset: Path, workers: int, progress: Progress) -> None:
-    crowded = config.crowd.objects > 1 or config.crowd.birds > 0
     everyone = [identity for split in identities_by_split(config).values() for identity in split]
-    wanted = {job.task.identity.name for job in jobs}
-    builds = [_Build(i, dataset / "assets") for i in everyone if crowded or i.name in wanted]
+    wanted, splits = {job.task.identity.name for job in jobs}, {job.task.identity.split for job in jobs}
+    crowded = splits if config.crowd.most > 1 else set()
+    builds = [_Build(i, dataset / "assets") for i in everyone if i.split in crowded or i.name in wanted]
     progress(0, len(builds), "assets")
     for done, _ in enumerate(run_jobs(_build, builds, workers=workers), start=1):
         progress(done, len(builds), "assets")

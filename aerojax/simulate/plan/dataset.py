@@ -59,13 +59,24 @@ class CrowdConfig:
     """Who flies.
 
     objects: in every sequence; beyond the first, others of the same split.
+    most_objects: draws how many for each sequence, from `objects` to this; 0 has `objects` in every one.
     birds: further birds of the same split that distract.
+    crossings: of all beyond the first, the first so many pass another one at 2 to 3 m, in the middle of the sequence.
+    occlusions: so many after them pass behind another one, as one of the cameras sees it.
     per_family: individuals of every family.
     """
 
     objects: int = 1
+    most_objects: int = 0
     birds: int = 0
+    crossings: int = 0
+    occlusions: int = 0
     per_family: int = 1
+
+    @property
+    def most(self) -> int:
+        """Objects of a sequence at most, birds included."""
+        return max(self.objects, self.most_objects) + self.birds
 
 
 @dataclass(frozen=True)
@@ -202,6 +213,15 @@ def _check(config: DatasetConfig) -> None:
         (rig.sun_climb < 0, f"rig.sun_climb is {rig.sun_climb:g}; use 0 for a sun of one height"),
         (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),
         (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),
+        (
+            0 != crowd.most_objects < crowd.objects,
+            f"crowd.most_objects is {crowd.most_objects}; use crowd.objects or more, or 0",
+        ),
+        (
+            min(crowd.crossings, crowd.occlusions) < 0 or crowd.crossings + crowd.occlusions > crowd.most - 1,
+            f"crowd.crossings and crowd.occlusions are {crowd.crossings} and {crowd.occlusions}; "
+            f"use 0 to {crowd.most - 1} together",
+        ),
         (crowd.per_family < 1, f"crowd.per_family is {crowd.per_family}; use 1 or more"),
         (config.identities_per_class < 0, f"identities_per_class is {config.identities_per_class}; use 0 for all"),
         (not 0 <= config.randomisation <= 1, f"randomisation is {config.randomisation:g}; use 0 (none) to 1"),

@@ -1,4 +1,7 @@
-"""Flights of a sequence's objects: drawn until they stay in the monitored volume, in sight and apart."""
+"""Flights of a sequence's objects: drawn until they stay in the monitored volume, in sight and apart.
+
+On request some of them meet: they pass others nearby, or behind them as a camera sees it.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,20 @@ from aerojax.simulate.world.rigs import BODY_RADIUS, cameras_that_see
 
 _ATTEMPTS = 400
 _APART = 2.0  # metres between two objects' origins: twice their size
+_PASSING = (2.0, 3.0)
+"""Metres at which an object passes another one."""
+_BEHIND = (2.2, 7.0)
+"""Metres by which it is behind it."""
+_ASIDE = 0.2
+"""Metres beside the line of sight, standard deviation of each axis: a fifth of an object's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Meeting:
+    """Where a flight has to be (metres, world) at a moment, which is an index of its frames."""
+
+    moment: int
+    place: Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)
@@ -44,11 +61,12 @@ def draw_flights(
     """
     placed: list[Flight] = []
     point = bool(np.all(space.low == space.high))
-    for label in labels:
+    for index, label in enumerate(labels):
         # Beside an object that holds the only point of the volume there is room for others around it.
         room = 1.5 * _APART * len(labels) if point and placed else 0.0
         for _ in range(_ATTEMPTS):
-            flight = _flight_somewhere(label, space, room, config, margin, rng)
+            meeting = _meeting(index, placed, space, config, margin, rng)
+            flight = _flight_somewhere(label, space, room, meeting, config, margin, rng)
             if flight is not None and all(_apart(flight, other) for other in placed):
                 placed.append(flight)
                 break
@@ -59,8 +77,36 @@ def draw_flights(
     return placed
 
 
+def _meeting(
+    index: int,
+    placed: Sequence[Flight],
+    space: ObjectSpace,
+    config: DatasetConfig,
+    margin: int,
+    rng: np.random.Generator,
+) -> _Meeting | None:
+    """Where the object meets one that is placed, in the middle third of the sequence; None if it need not."""
+    crowd = config.crowd
+    if not 0 < index <= crowd.crossings + crowd.occlusions:
+        return None
+    third = config.frames // 3
+    moment = margin + int(rng.integers(third, config.frames - third))
+    other = placed[int(rng.integers(len(placed)))].position[moment]
+    if index <= crowd.crossings:
+        aside = rng.normal(size=3)
+        return _Meeting(moment, other + rng.uniform(*_PASSING) * aside / np.linalg.norm(aside))
+    ray = other - space.cameras[int(rng.integers(len(space.cameras)))].world_from_cam[:3, 3]
+    return _Meeting(moment, other + rng.uniform(*_BEHIND) * ray / np.linalg.norm(ray) + rng.normal(0.0, _ASIDE, 3))
+
+
 def _flight_somewhere(
-    label: str, space: ObjectSpace, room: float, config: DatasetConfig, margin: int, rng: np.random.Generator
+    label: str,
+    space: ObjectSpace,
+    room: float,
+    meeting: _Meeting | None,
+    config: DatasetConfig,
+    margin: int,
+    rng: np.random.Generator,
 ) -> Flight | None:
     rig = config.rig
     flight = draw_flight(
@@ -71,7 +117,10 @@ def _flight_somewhere(
         rng=rng,
         max_travel=rig.max_travel,
     )
-    position = flight.position + rng.uniform(space.low - room, space.high + room)
+    if meeting is None:
+        position = flight.position + rng.uniform(space.low - room, space.high + room)
+    else:
+        position = flight.position - flight.position[meeting.moment] + meeting.place
     point = bool(np.all(space.low == space.high))
     inside = point or bool(np.all((position >= space.low) & (position <= space.high)))
     if not inside:

@@ -26,7 +26,8 @@ from aerojax.simulate.plan.scene import ScenePlan, flying_object, image_patterns
 from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.render.image import ImageConfig
 from aerojax.simulate.world.fixed_rigs import conditions, place_cameras
-from aerojax.simulate.world.flight import Flight, Motion, draw_flight
+from aerojax.simulate.world.flight import Flight, Motion
+from aerojax.simulate.world.passive_flight import draw_motion
 from aerojax.simulate.world.random_rigs import RandomRigConfig, draw_rig
 from aerojax.simulate.world.sensor import SensorConfig, draw_sensor
 
@@ -72,8 +73,8 @@ def plan_sample(identity: Identity, config: SequenceConfig, *, seed: int, assets
     """
     rng = np.random.default_rng(seed)
     target = _draw_target(rng)
-    flight = draw_flight(
-        identity.label,
+    flight = draw_motion(
+        identity.moves_like,
         frames=config.frames,
         fps=config.fps,
         motion=config.motion,
@@ -162,20 +163,22 @@ def _companions(identity: Identity, config: DatasetConfig, rng: np.random.Genera
         UserError: the split has too few.
     """
     others = [i for i in identities_by_split(config)[identity.split] if i.name != identity.name]
-    wanted = config.crowd.objects - 1
+    crowd = config.crowd
+    count = int(rng.integers(crowd.objects, crowd.most_objects + 1)) if crowd.most_objects else crowd.objects
+    wanted = count - 1
     if wanted > len(others):
         raise UserError(
             "out-of-range",
-            f"crowd.objects is {config.crowd.objects}, {identity.split} has {len(others) + 1}",
+            f"crowd.objects is {count}, {identity.split} has {len(others) + 1}",
             "lower it",
         )
     chosen = [others[i] for i in rng.permutation(len(others))[:wanted]]
     birds = [i for i in others if i.label == "bird" and i not in chosen]
-    if config.crowd.birds > len(birds):
+    if crowd.birds > len(birds):
         raise UserError(
-            "out-of-range", f"crowd.birds is {config.crowd.birds}, {identity.split} has {len(birds)} left", "lower it"
+            "out-of-range", f"crowd.birds is {crowd.birds}, {identity.split} has {len(birds)} left", "lower it"
         )
-    return [identity, *chosen, *(birds[i] for i in rng.permutation(len(birds))[: config.crowd.birds])]
+    return [identity, *chosen, *(birds[i] for i in rng.permutation(len(birds))[: crowd.birds])]
 
 
 def _sensors(config: DatasetConfig, cameras: int, rng: np.random.Generator) -> tuple[SensorConfig, ...]:

@@ -50,9 +50,10 @@ def _image_set(config: DatasetConfig, condition: int, kinds: list[str]) -> float
     return total + (_LANDSCAPE * pixels if config.rig.environment == "outdoor" else 0.0)
 
 
-def _objects(config: DatasetConfig) -> int:
-    """Objects in a sequence."""
-    return config.crowd.objects + config.crowd.birds
+def _objects(config: DatasetConfig) -> float:
+    """Objects in a sequence, in the mean."""
+    crowd = config.crowd
+    return (crowd.objects + crowd.birds + crowd.most) / 2
 
 
 def _geometry(config: DatasetConfig, condition: int) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.dataset_configs import config_of
 
+from aerojax.capture.format import CaptureCamera
 from aerojax.core.errors import UserError
 from aerojax.simulate.plan.dataset import work_list
 from aerojax.simulate.plan.planner import plan_sequence
@@ -30,6 +31,29 @@ def test_flights_stay_in_the_volume_in_sight_and_apart(rig, monkeypatch, tmp_pat
                 assert np.linalg.norm(path - other.flight.position, axis=1).min() > 2.0
 
 
+def test_objects_pass_each_other_and_hide_each_other(monkeypatch, tmp_path):
+    monkeypatch.setattr("aerojax.simulate.plan.scene.build_identity", lambda identity, folder: folder / identity.name)
+    crowd = "crowd={objects: 2, most_objects: 4, birds: 1, crossings: 1, occlusions: 1}"
+    config = config_of("rig=sim2", "preset=full", crowd, "rig.environment=sky")
+    counts = set()
+    for task in work_list(config)[:8]:
+        plan = plan_sequence(task, config, tmp_path)
+        counts.add(len(plan.objects))
+        first, second, third = (plan.shown(one.flight).position for one in plan.objects[:3])
+        assert 2.0 < np.linalg.norm(second - first, axis=1).min() < 3.0
+        apart = [_least_angle(third, other, camera) for camera in plan.cameras for other in (first, second)]
+        assert min(apart) < 0.01  # radians: the size of an object at 100 m
+    assert counts <= {3, 4, 5} and len(counts) > 1
+
+
+def _least_angle(behind: np.ndarray, before: np.ndarray, camera: CaptureCamera) -> float:
+    """Between one path, where it is farther from the camera, and another."""
+    rays = [path - camera.world_from_cam[:3, 3] for path in (behind, before)]
+    far = np.linalg.norm(rays[0], axis=1) > np.linalg.norm(rays[1], axis=1)
+    units = [ray / np.linalg.norm(ray, axis=1, keepdims=True) for ray in rays]
+    return float(np.linalg.norm(units[0] - units[1], axis=1)[far].min(initial=np.inf))
+
+
 @pytest.mark.parametrize(
     ("overrides", "words"),
     [
@@ -41,6 +65,8 @@ def test_flights_stay_in_the_volume_in_sight_and_apart(rig, monkeypatch, tmp_pat
         (("radii=[3]",), r"radii is \[3.0\]; choose among \[2.0, 4.0"),
         (("crowd.objects=0",), "crowd.objects is 0"),
         (("crowd.birds=-1",), "crowd.birds is -1"),
+        (("crowd.objects=3", "crowd.most_objects=2"), "crowd.most_objects is 2; use crowd.objects or more"),
+        (("crowd.objects=2", "crowd.crossings=2"), "crowd.crossings and crowd.occlusions are 2 and 0; use 0 to 1"),
         (("faults.position_m=-0.1",), "faults has a negative size"),
         (("randomisation=2.0",), "randomisation is 2"),
         (("images.samples=0",), "images.samples is 0"),
