@@ -19,6 +19,8 @@ _T = TypeVar("_T")
 
 CLASSES = ("bird", "drone", "airplane", "helicopter")
 """Class names; a label is an index into this tuple (the order of the published data set)."""
+UNKNOWN = "unknown"
+"""Label of what is none of the classes."""
 
 
 @dataclass_transform(frozen_default=True)

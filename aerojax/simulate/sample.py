@@ -8,7 +8,7 @@ from pathlib import Path
 from aerojax.capture.format import Capture
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
-from aerojax.simulate.assets.catalogue import Identity, identities
+from aerojax.simulate.assets.catalogue import Identity, identities, outliers
 from aerojax.simulate.plan.planner import SequenceConfig, plan_sample
 from aerojax.simulate.record import record_scene
 from aerojax.simulate.world.random_rigs import RandomRigConfig
@@ -20,7 +20,7 @@ _NEAR = RandomRigConfig(span_px=(90.0, 90.0), distance=(12.0, 12.0))
 class SampleConfig:
     """The capture that is simulated where none is given.
 
-    label, seed: class, and which of its test identities flies how.
+    label, seed: class, or kind of outlier such as ball or box, and which of its test identities flies how.
     folder: of all samples; each has one of its own in it.
     sequence: cameras, length and images.
     """
@@ -39,13 +39,12 @@ def sample_capture(config: SampleConfig, assets: Path) -> Path:
         assets: folder of identity stages, shared by sequences.
 
     Raises:
-        UserError: `label` is no class.
+        UserError: `label` is no class and no kind of outlier.
     """
-    held_out = [i for i in identities("test", 3) if i.label == config.label]
+    held_out = [i for i in (*identities("test", 3), *outliers("test", 3)) if i.moves_like == config.label]
     if not held_out:
-        raise UserError(
-            "out-of-range", f"sample.label={config.label} is no class", f"choose one of {', '.join(CLASSES)}"
-        )
+        known = (*CLASSES, *(i.family for i in outliers("test")))
+        raise UserError("out-of-range", f"sample.label={config.label} is no class", f"choose one of {', '.join(known)}")
     identity = held_out[config.seed % len(held_out)]
     folder = config.folder / f"{identity.name}_seed{config.seed}_{config.sequence.frames}frames"
     if not (folder / "capture.json").exists():

@@ -16,7 +16,7 @@ from aerojax.capture.validate.state import (
     check_quaternion,
     check_seen,
 )
-from aerojax.core.types import CLASSES
+from aerojax.core.types import CLASSES, UNKNOWN
 
 LARGEST_ID = 65_535  # masks are 16-bit images and 0 is the background
 
@@ -48,8 +48,9 @@ def _check_names(item: dict[str, Any], field: str, seen: set[int], found: Findin
         found.add(f"{field}.id", f"{number} stands twice", "give every object an id of its own")
     if number is not None:
         seen.add(number)
-    if "class" in item and item["class"] not in CLASSES:
-        found.add(f"{field}.class", f"unknown class {shown(item['class'])}", f"use one of {', '.join(CLASSES)}")
+    known = (*CLASSES, UNKNOWN)
+    if "class" in item and item["class"] not in known:
+        found.add(f"{field}.class", f"unknown class {shown(item['class'])}", f"use one of {', '.join(known)}")
     for key in ("identity", "source", "licence"):
         if key in item and not (item[key] is None and key != "identity"):
             found.text(item[key], f"{field}.{key}")

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Int, Key
 
 from aerojax.core.seeds import number_of
-from aerojax.core.types import Camera, Gaussians, View
+from aerojax.core.types import CLASSES, UNKNOWN, Camera, Gaussians, View
 from aerojax.data.clips import Fact, StoredClip, crop_bytes
 from aerojax.gaussians.decimate import DecimationConfig
 from aerojax.gaussians.rotate import transform
@@ -64,7 +64,8 @@ def clip_of(
         identity.name,
         crop_bytes(np.stack(small)),
         (crops.valid & ~crops.cut)[kept, :views],
-        facts_of(plan, crops),
+        facts_of(plan, crops) | ({"kind": identity.family} if identity.label == UNKNOWN else {}),
+        (UNKNOWN,) if identity.label == UNKNOWN else CLASSES,
     )
 
 

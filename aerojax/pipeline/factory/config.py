@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -98,8 +99,10 @@ class FactoryConfig:
     """What decides the clips of a factory.
 
     seed: of everything but the individuals themselves.
-    split: whose families fly.
-    individuals: of each class. clips: of each individual. More of either extend the list and change none of it.
+    catalogue: the classes' families, or things of none of them, in whose clips everything is "unknown".
+    split: whose families fly; outliers are those of val and test.
+    individuals: of each class, or kind of outlier. clips: of each individual. More of either extend the list and change
+        none of it.
     frames: of a clip, at most: unusable ones are left out.
     least_frames: usable frames that a clip needs; else it is drawn anew.
     attempts: draws of one clip before it is given up.
@@ -110,6 +113,7 @@ class FactoryConfig:
     """
 
     seed: int = 0
+    catalogue: Literal["classes", "outliers"] = "classes"
     split: Split = "train"
     individuals: int = 100
     clips: int = 4

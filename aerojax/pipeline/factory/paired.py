@@ -57,7 +57,11 @@ def make_levels(
     Raises:
         UserError: the folder holds clips of another configuration.
     """
-    claim(folder / RECORD, {**to_mapping(config.factory), "margin": config.margin}, ignoring=("individuals", "clips"))
+    claim(
+        folder / RECORD,
+        {**to_mapping(config.factory), "margin": config.margin},
+        ignoring=("catalogue", "individuals", "clips"),
+    )
     levels = {level.folder: level.config for level in levels_of(config)}
     clips, margin = config.factory.clips, config.margin
     jobs = [_Job(one, clips, config.factory, levels, margin, folder) for one in individuals_of(config.factory)]

@@ -26,7 +26,8 @@ from aerojax.simulate.plan.environment import draw_dome_light, draw_sky_colours
 from aerojax.simulate.plan.planner import perturbed_calibration
 from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.usd.animated_mesh import AnimatedMesh
-from aerojax.simulate.world.flight import Flight, Motion, draw_flight
+from aerojax.simulate.world.flight import Flight, Motion
+from aerojax.simulate.world.passive_flight import draw_motion
 from aerojax.simulate.world.sensor import SensorConfig, draw_lighting, draw_sensor
 
 _FIELD_SHARE = 0.4
@@ -111,8 +112,8 @@ def plan_clip(
     cameras = draw_cameras(kind, config.rigs, target, middle + target, field, rig_rng)
     motion: Motion = "in_place" if flight_rng.uniform() < config.flights.in_place else "flight"
     margin = max(least_margin, 1 + math.ceil(faults.clock_ms / 1e3 * fps))
-    flight = draw_flight(
-        identity.label,
+    flight = draw_motion(
+        identity.moves_like,
         frames=config.frames + 2 * margin,
         fps=fps,
         motion=motion,

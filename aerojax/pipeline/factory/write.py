@@ -15,7 +15,12 @@ from aerojax.data.clips import RECORD, StoredClip, save_clip
 from aerojax.pipeline.factory.clips import clips_of
 from aerojax.pipeline.factory.config import FactoryConfig
 from aerojax.pipeline.factory.plan import clip_name, rig_kind
-from aerojax.simulate.assets.catalogue import Identity, identities, training_individual
+from aerojax.simulate.assets.catalogue import Identity, identities, outliers, training_individual
+
+FREE = ("catalogue", "split", "individuals", "clips")
+"""What may differ between clips that share a folder."""
+OUTLIERS = "outliers_"
+"""Before the split in the name of a folder of outliers."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +44,13 @@ def individuals_of(config: FactoryConfig) -> tuple[Identity, ...]:
     """Who flies, classes in turn; a larger number extends the list.
 
     In the training split first one individual a family, then mixtures of them; in the others further draws of their
-    own families.
+    own families. Outliers are never learnt from, so they have no training split.
+
+    Raises:
+        UserError: there are no outliers of the split.
     """
+    if config.catalogue == "outliers":
+        return outliers(config.split, config.individuals)
     if config.split != "train":
         return identities(config.split, config.individuals)
     published = {label: [one for one in identities("train") if one.label == label] for label in CLASSES}
@@ -56,9 +66,10 @@ def _mixture(label: str, number: int) -> Identity:
 
 
 def clip_path(folder: Path, identity: Identity, index: int, config: FactoryConfig) -> Path:
-    """Where a clip lies: `<folder>/<rig>/<split>/<name>.npz`."""
+    """Where a clip lies: `<folder>/<rig>/<split>/<name>.npz`, an outlier's in `outliers_<split>`."""
     name = clip_name(identity, index)
-    return folder / rig_kind(config, name) / config.split / f"{name}.npz"
+    part = OUTLIERS + config.split if config.catalogue == "outliers" else config.split
+    return folder / rig_kind(config, name) / part / f"{name}.npz"
 
 
 def make_factory_clips(
@@ -78,7 +89,7 @@ def make_factory_clips(
     Raises:
         UserError: the folder holds clips of another configuration.
     """
-    claim(folder / RECORD, to_mapping(config), ignoring=("split", "individuals", "clips"))
+    claim(folder / RECORD, to_mapping(config), ignoring=FREE)
     everything = [(one, index) for one in individuals_of(config) for index in range(config.clips)]
     jobs = []
     for one in individuals_of(config):
@@ -117,7 +128,7 @@ def _write(job: _Job) -> tuple[int, list[str]]:
             unusable.append(name)
             continue
         path = clip_path(job.folder, job.identity, index, job.config)
-        images = {"crops": clip.crops, "crop_valid": clip.crop_valid, "facts": clip.facts}
+        images = {"crops": clip.crops, "crop_valid": clip.crop_valid, "facts": clip.facts, "classes": clip.classes}
         save_clip(path, clip.columns, clip.label, clip.identity, **images)
     return len(job.indices), unusable
 

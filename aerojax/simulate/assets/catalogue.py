@@ -16,7 +16,7 @@ import numpy as np
 
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import seed_of
-from aerojax.core.types import CLASSES
+from aerojax.core.types import CLASSES, UNKNOWN
 from aerojax.data.splits import SPLITS, Split
 from aerojax.simulate.assets.airplanes.asset import build_airplane
 from aerojax.simulate.assets.airplanes.families import airplane_families, draw_airplane
@@ -30,6 +30,8 @@ from aerojax.simulate.assets.importers.convert import convert_model
 from aerojax.simulate.assets.importers.models import ImportedModel
 from aerojax.simulate.assets.multicopters.asset import build_multicopter
 from aerojax.simulate.assets.multicopters.families import draw_multicopter, multicopter_families
+from aerojax.simulate.assets.outliers.individuals import outlier_asset
+from aerojax.simulate.assets.outliers.kinds import KINDS
 from aerojax.simulate.usd.authoring import Asset, write_asset
 from aerojax.simulate.usd.skeletons import SkinnedAsset, write_skinned
 
@@ -55,8 +57,8 @@ class Identity:
     """One individual object.
 
     name: unique, also the stem of its file.
-    label: one of `aerojax.core.types.CLASSES`.
-    family: the ranges that its parameters are drawn from.
+    label: one of `aerojax.core.types.CLASSES`, or `UNKNOWN` for an outlier.
+    family: the ranges that its parameters are drawn from; the kind of an outlier.
     seed: of its shape, motion and colours.
     split: of the family, or as the list of models says.
     model: a user's own model that it is made of instead of a family; None for a procedural one.
@@ -68,6 +70,11 @@ class Identity:
     seed: int
     split: Split
     model: ImportedModel | None = None
+
+    @property
+    def moves_like(self) -> str:
+        """Its class, or the kind of an outlier; see `world.passive_flight.draw_motion`."""
+        return self.family if self.label == UNKNOWN else self.label
 
 
 def identities(split: str, per_class: int | None = None, *, per_family: int = 1) -> tuple[Identity, ...]:
@@ -128,6 +135,32 @@ def training_individual(label: str, index: int, *, seed: int = 0) -> Identity:
     return Identity(name, label, HYBRID, seed_of("aerojax", HYBRID, label, seed, index), "train")
 
 
+def outliers(split: str, per_kind: int = 1) -> tuple[Identity, ...]:
+    """Individuals of none of the classes, which no split of `identities` has.
+
+    Args:
+        split: "val" for the kinds by which a score and its level are chosen, "test" for those that measure them.
+        per_kind: so many of every kind; a larger number extends the list.
+
+    Returns:
+        Kinds in turn.
+
+    Raises:
+        UserError: if there are no outliers of that split, or the count is negative.
+    """
+    part = next((known for known in SPLITS if known == split), None)
+    kinds = [name for name, kind in KINDS.items() if kind.split == part]
+    if part is None or not kinds:
+        raise UserError("out-of-range", f"split is {split!r}, and outliers are never learnt from", "use val or test")
+    if per_kind < 0:
+        raise UserError("invalid", f"per_kind is {per_kind}", "it counts identities and cannot be negative")
+    return tuple(
+        Identity(f"{kind}_outlier_{n:03d}", UNKNOWN, kind, seed_of("aerojax", "outlier", kind, n), part)
+        for n in range(per_kind)
+        for kind in kinds
+    )
+
+
 def build_identity(identity: Identity, folder: Path) -> Path:
     """Write `<folder>/<name>.usdc` and its texture `<name>.png` unless they are there already; return the stage's path.
 
@@ -161,6 +194,8 @@ def asset_of(identity: Identity) -> Asset | SkinnedAsset:
     Raises:
         UserError: if the identity names an unknown class or family.
     """
+    if identity.label == UNKNOWN and identity.family in KINDS:
+        return outlier_asset(identity.family, identity.seed)
     if identity.label in _FAMILIES and identity.family == HYBRID and identity.split == "train":
         return hybrid_asset(identity.label, identity.seed)
     if identity.label not in _FAMILIES or identity.family not in families_of(identity.label):

@@ -26,7 +26,8 @@ from aerojax.simulate.plan.scene import ScenePlan, flying_object, image_patterns
 from aerojax.simulate.render.environment import Dome
 from aerojax.simulate.render.image import ImageConfig
 from aerojax.simulate.world.fixed_rigs import conditions, place_cameras
-from aerojax.simulate.world.flight import Flight, Motion, draw_flight
+from aerojax.simulate.world.flight import Flight, Motion
+from aerojax.simulate.world.passive_flight import draw_motion
 from aerojax.simulate.world.random_rigs import RandomRigConfig, draw_rig
 from aerojax.simulate.world.sensor import SensorConfig, draw_sensor
 
@@ -72,8 +73,8 @@ def plan_sample(identity: Identity, config: SequenceConfig, *, seed: int, assets
     """
     rng = np.random.default_rng(seed)
     target = _draw_target(rng)
-    flight = draw_flight(
-        identity.label,
+    flight = draw_motion(
+        identity.moves_like,
         frames=config.frames,
         fps=config.fps,
         motion=config.motion,

@@ -95,7 +95,7 @@ def draw_flight(
     return _forward(_FORWARD[label], label, seconds, rng, max_travel)
 
 
-def _fitting(path: Float[np.ndarray, "time 3"], max_travel: float) -> float:
+def fitting(path: Float[np.ndarray, "time 3"], max_travel: float) -> float:
     """The factor that makes a path span no more than `max_travel`."""
     span = float(np.linalg.norm(np.ptp(path, axis=0)))
     return min(1.0, max_travel / max(span, 1e-9))
@@ -114,7 +114,7 @@ def _attitude(
     return np.moveaxis(np.array([[*row] for row in rows]), -1, 0)
 
 
-def _wobble(seconds: np.ndarray, rng: np.random.Generator, *, amplitude: float, terms: int = 3) -> np.ndarray:
+def wobble(seconds: np.ndarray, rng: np.random.Generator, *, amplitude: float, terms: int = 3) -> np.ndarray:
     """A smooth band-limited disturbance (0.3 to 2.5 Hz) of about the given amplitude."""
     frequency, phase = rng.uniform(0.3, 2.5, terms), rng.uniform(0, 2 * np.pi, terms)
     weight = rng.normal(0, amplitude / np.sqrt(terms), terms)
@@ -143,17 +143,17 @@ def _forward(style: _Style, label: str, seconds: np.ndarray, rng: np.random.Gene
     step = seconds[1] - seconds[0] if len(seconds) > 1 else 0.0
     rate = _turn_rate(style, seconds, rng)
     turned = np.cumsum(rate) * step
-    sway = 0.15 * _wobble(seconds, rng, amplitude=float(np.abs(rate).max()))
+    sway = 0.15 * wobble(seconds, rng, amplitude=float(np.abs(rate).max()))
     yaw = rng.uniform(0, 2 * np.pi) + turned - turned[len(turned) // 2] + sway
     climb = np.deg2rad(rng.uniform(-style.climb, style.climb))
     direction = [np.cos(climb) * np.cos(yaw), np.cos(climb) * np.sin(yaw), np.full_like(yaw, np.sin(climb))]
     path = np.cumsum(speed * np.stack(direction, axis=1), axis=0) * step
-    shrink = _fitting(path, max_travel)
+    shrink = fitting(path, max_travel)
     position = (path - path[len(path) // 2]) * shrink
     limit = np.deg2rad(style.bank_limit)
     bank = np.clip(np.arctan(speed * shrink * rate / GRAVITY), -limit, limit)
-    roll = -bank + _wobble(seconds, rng, amplitude=np.deg2rad(3.0))
-    pitch = -climb - np.deg2rad(rng.uniform(*style.pitch)) + _wobble(seconds, rng, amplitude=np.deg2rad(2.0))
+    roll = -bank + wobble(seconds, rng, amplitude=np.deg2rad(3.0))
+    pitch = -climb - np.deg2rad(rng.uniform(*style.pitch)) + wobble(seconds, rng, amplitude=np.deg2rad(2.0))
     if label == "helicopter":
         # Pedal turns: the nose need not point along the path at low speed.
         yaw = yaw + (1 - speed / style.speed[1]) * (rng.uniform(-np.pi, np.pi) + rng.uniform(-1.0, 1.0) * seconds)
@@ -177,12 +177,12 @@ def _dashes(seconds: np.ndarray, rng: np.random.Generator) -> Float[np.ndarray, 
 def _hover(seconds: np.ndarray, rng: np.random.Generator, max_travel: float) -> Flight:
     """Hover, dash and reversal of a multicopter: tilt follows acceleration, yaw is free."""
     reach = 10 ** rng.uniform(-1.7, 0.3)  # 2 cm of hover jitter to 2 m of swaying
-    axes = [(_wobble(seconds, rng, amplitude=reach * a)) for a in (1.0, 1.0, 0.4)]
+    axes = [(wobble(seconds, rng, amplitude=reach * a)) for a in (1.0, 1.0, 0.4)]
     drift = rng.normal(0, 1.0, 3) * np.array([1.5, 1.5, 0.4]) * rng.uniform(0, 1)
     path = np.stack(axes, axis=1) + seconds[:, None] * drift
     if rng.uniform() < 0.5:
         path = 0.2 * path + _dashes(seconds, rng)
-    position = path * _fitting(path, max_travel)
+    position = path * fitting(path, max_travel)
     acceleration = np.zeros_like(position)
     if len(seconds) > 2:
         step = seconds[1] - seconds[0]

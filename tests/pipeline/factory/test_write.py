@@ -8,10 +8,11 @@ from support.factory_configs import small_factory
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
-from aerojax.data.clips import load_clip, load_clips
+from aerojax.data.clips import load_clip, load_clips, save_clip
 from aerojax.pipeline.clips import settings_of
 from aerojax.pipeline.config import clip_settings
-from aerojax.pipeline.factory.write import clip_stream, individuals_of, make_factory_clips
+from aerojax.pipeline.factory.clips import clips_of
+from aerojax.pipeline.factory.write import clip_path, clip_stream, individuals_of, make_factory_clips
 
 
 def tree(folder) -> dict[str, bytes]:
@@ -67,6 +68,22 @@ def test_the_stream_holds_the_same_clips(folder):
         np.testing.assert_array_equal(clip.columns, stored[clip.identity].columns)
         np.testing.assert_array_equal(clip.crops, stored[clip.identity].crops)
         assert clip.facts == stored[clip.identity].facts
+
+
+def test_outliers_lie_apart_and_join_no_clips_of_the_classes(folder, tmp_path):
+    config = small_factory(catalogue="outliers", split="test")
+    one = next(job for job in individuals_of(config) if job.family == "box")
+    name, clip = next(clips_of(one, [0], config))
+    assert clip is not None and (clip.label, clip.classes, clip.facts["kind"]) == ("unknown", ("unknown",), "box")
+    place = clip_path(tmp_path, one, 0, config)
+    assert place == tmp_path / "sphere" / "outliers_test" / f"{name}.npz"
+    images = {"crops": clip.crops, "crop_valid": clip.crop_valid, "classes": clip.classes}
+    save_clip(place, clip.columns, clip.label, clip.identity, **images)
+    assert load_clips(place.parent, frames=2).classes == ("unknown",)
+    with pytest.raises(UserError, match="is of the classes unknown"):
+        load_clips(folder / "sphere" / "train", place.parent, frames=2)
+    with pytest.raises(UserError, match="never learnt from"):
+        individuals_of(small_factory(catalogue="outliers"))
 
 
 def test_individuals_keep_to_their_split():
