@@ -2,8 +2,8 @@
 
 `python -m experiments.compare_classifiers` runs every row that conf/rows/features.yaml names, tested under the rotation
 protocols and frame by frame; `rows=steps` those of an ablation of data, tokens, features and members, each of which
-changes one thing. Either leaves table.md and table.json in the sweep's directory; started again, it goes on where it
-stopped.
+changes one thing; `rows=baselines` MambaSplat-4D beside other networks, turned and as whole clips of every folder. Each
+leaves table.md and table.json in the sweep's directory; started again, it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -31,13 +31,14 @@ from experiments._launch.command import Run, experiment
 class Config(ExaminedTraining):
     """A training run and how its weights are tested.
 
-    rows: which table it belongs to, and so what is measured: rotations of windows, or whole clips of every folder.
+    rows: which table it belongs to, and so what is measured: rotations of windows, whole clips of every folder, or
+        both.
     classifier: name of the row in the table, an option of conf/classifier.
     change: what the row changes. against: name of the row that it changes that of, and is held against.
     model: MambaSplat, whose features and bridges are compared, unless the row names another member.
     """
 
-    rows: Literal["features", "steps"]
+    rows: Literal["features", "steps", "baselines"]
     classifier: str
     change: str = ""
     against: str = ""
@@ -54,6 +55,12 @@ def _head(classifier: Trainable, config: Config) -> dict[str, Any]:
     return head | {name: model[name] for name in ("mode", "bridge", "temporal") if name in model}
 
 
+def _examined(classifier: Trainable, config: Config) -> dict[str, Any]:
+    """What was measured; of baselines, `clip` is the accuracy of whole clips."""
+    windows = {} if config.rows == "steps" else examine_windows(classifier, config)
+    return windows | ({} if config.rows == "features" else examine_clips(classifier, config))
+
+
 @experiment(Config, finished_by=RESULT)
 def main(config: Config, run: Run) -> None:
     """Train one classifier, or go on with it, and write its figures."""
@@ -64,7 +71,7 @@ def main(config: Config, run: Run) -> None:
     classifier = load_classifier(run.directory / "weights.safetensors")
     head = _head(classifier, config)
     head |= {name: trained[name] for name in ("training_clips", "training_identities", "steps", "minutes")}
-    results = (examine_windows if config.rows == "features" else examine_clips)(classifier, config)
+    results = _examined(classifier, config)
     write_json(run.directory / RESULT, {**head, **results, **provenance(run.overrides)})
     Console().print(f"{config.classifier}, seed {config.seed}: clips {100 * results['clip']:.1f} %", soft_wrap=True)
 

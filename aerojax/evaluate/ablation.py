@@ -19,6 +19,7 @@ from aerojax.evaluate.groups import (
     figures_by_number,
     join_answers,
 )
+from aerojax.evaluate.markdown import mean_cell, table_lines
 
 VALIDATION = "val"
 """Name of the validation clips' answers; test clips go by the name of their folder."""
@@ -162,24 +163,21 @@ def ablation_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
         "One network; mean ± standard deviation over seeds; in brackets the 95 % interval over individuals, of a",
         "difference on the same ones. ECE: calibration error, and with the temperature of the validation clips.",
         "",
-        *_table(["row", "what changes", "clips of individuals", "all, %", "less the row before", *folders], rows, _one),
+        *table_lines(
+            ["row", "what changes", "clips of individuals", "all, %", "less the row before", *folders], map(_one, rows)
+        ),
         "",
         "The same networks' answers averaged over the seeds:",
         "",
-        *_table(["row", "networks", "all, %", *folders, "ECE of one", "ECE averaged"], rows, _several),
+        *table_lines(["row", "networks", "all, %", *folders, "ECE of one", "ECE averaged"], map(_several, rows)),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _table(head: list[str], rows: Sequence[Mapping[str, Any]], cells: Any) -> list[str]:
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    return [*lines, *("| " + " | ".join(cells(row)) + " |" for row in rows)]
 
 
 def _one(row: Mapping[str, Any]) -> list[str]:
     tests, gap = row["tests"], row["difference"]
     low, high = tests["all"]["interval_95"]
-    folders = [_mean_and_std(one["accuracy"]) for name, one in tests.items() if name not in ("all", VALIDATION)]
+    folders = [mean_cell(one["accuracy"]) for name, one in tests.items() if name not in ("all", VALIDATION)]
     change = (
         "" if gap is None else f"{100 * gap['accuracy']:+.1f} ({100 * gap['low']:+.1f} to {100 * gap['high']:+.1f})"
     )
@@ -187,7 +185,7 @@ def _one(row: Mapping[str, Any]) -> list[str]:
         row["classifier"],
         row["change"],
         f"{row['training_clips']:,} of {row['training_identities']:,}",
-        f"{_mean_and_std(tests['all']['accuracy'])} ({100 * low:.0f} to {100 * high:.0f})",
+        f"{mean_cell(tests['all']['accuracy'])} ({100 * low:.0f} to {100 * high:.0f})",
         change + (f" than {row['against']}" if change else ""),
         *folders,
     ]
@@ -204,8 +202,3 @@ def _several(row: Mapping[str, Any]) -> list[str]:
         f"{single['ece']['mean']:.3f}, {single['ece_with_temperature']['mean']:.3f}",
         f"{tests['all']['ece']:.3f}, {tests['all']['ece_with_temperature']:.3f}",
     ]
-
-
-def _mean_and_std(figure: Mapping[str, float | None]) -> str:
-    mean, std = figure["mean"], figure["std"]
-    return "-" if mean is None else f"{100 * mean:.1f}" + ("" if std is None else f" ± {100 * std:.1f}")

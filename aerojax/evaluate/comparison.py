@@ -12,6 +12,8 @@ import numpy as np
 
 from aerojax.core.files import write_json, write_text
 from aerojax.evaluate.ablation import ablation_markdown, ablation_rows, over_seeds
+from aerojax.evaluate.markdown import mean_cell, table_lines
+from aerojax.evaluate.network_table import network_markdown, network_rows
 from aerojax.evaluate.rotations import PROTOCOLS
 
 RESULT = "comparison.json"
@@ -68,18 +70,21 @@ def table_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
 def _lines(kind: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     names = [p.name for p in PROTOCOLS]
     head = ["classifier", kind, "parameters", *names, *TITLES.values(), "seeds", "minutes"]
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    lines = []
     for row in rows:
         figures = [row["protocols"][name] for name in names] + [row[key] for key in TITLES]
         cells = [row["classifier"], row["mode" if kind == "features" else "bridge"], f"{row['parameters']:,}"]
-        cells += [*map(_cell, figures), str(len(row["seeds"])), f"{row['minutes']:.1f}"]
-        lines.append("| " + " | ".join(cells) + " |")
-    return lines
+        cells += [*map(mean_cell, figures), str(len(row["seeds"])), f"{row['minutes']:.1f}"]
+        lines.append(cells)
+    return table_lines(head, lines)
 
 
-def _cell(figure: Mapping[str, float | None]) -> str:
-    mean, std = figure["mean"], figure["std"]
-    return f"{100 * mean:.1f}" + ("" if std is None else f" ± {100 * std:.1f}") if mean is not None else "-"
+TABLES = {
+    "features": (comparison_rows, table_markdown),
+    "steps": (ablation_rows, ablation_markdown),
+    "baselines": (network_rows, network_markdown),
+}
+"""By the kind of rows: what makes them of runs, and Markdown of them."""
 
 
 def write_table(folder: Path, command: str) -> str:
@@ -92,11 +97,11 @@ def write_table(folder: Path, command: str) -> str:
     runs = [json.loads(path.read_text()) for path in sorted(folder.rglob(RESULT))]
     if not runs:
         return ""
-    steps = runs[0]["rows"] == "steps"
-    rows = (ablation_rows if steps else comparison_rows)(runs)
+    rows_of, markdown_of = TABLES[runs[0]["rows"]]
+    rows = rows_of(runs)
     origin = {"command": command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
     origin |= {"commits": sorted({str(run["commit"]) for run in runs}), "machine": runs[0]["machine"]}
     write_json(folder / "table.json", {**origin, "runs": len(runs), "rows": rows})
-    text = (ablation_markdown if steps else table_markdown)(rows)
+    text = markdown_of(rows)
     write_text(folder / "table.md", text)
     return text
