@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +22,15 @@ from aerojax.capture.truth import (
     truth_from_json,
     truth_to_json,
 )
-from aerojax.capture.validate.examination import EXACT_ROTATION, FORMAT, OPTIONAL_IMAGES, VERSION, examine
+from aerojax.capture.validate.examination import (
+    EXACT_ROTATION,
+    FORMAT,
+    OPTIONAL_IMAGES,
+    VERSION,
+    Examination,
+    examine,
+    examine_network,
+)
 from aerojax.capture.validate.findings import refuse
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
@@ -36,6 +45,7 @@ __all__ = [
     "TrackedObject",
     "Truth",
     "read_capture",
+    "read_network",
     "rotate_world",
     "write_capture_json",
 ]
@@ -118,18 +128,37 @@ def read_capture(folder: Path) -> Capture:
     refuse(examined.problems, f"capture {folder}")
     raw = examined.capture
     assert raw is not None  # the validator returns it whenever there is no problem
-    cameras = tuple(_camera_from_json(camera) for camera in raw["cameras"])
     truth = None if examined.truth is None else truth_from_json(examined.truth)
-    warnings = tuple(str(warning) for warning in examined.warnings)
-    missing = raw.get("missing", "drop")
+    return _capture_from_json(folder, raw, raw["frames"], truth, examined)
+
+
+def read_network(folder: Path) -> Capture:
+    """What `capture.json` says of the cameras of a capture that is still being written, or whose pictures come live.
+
+    Returns:
+        A capture of endlessly many frames, whatever the file says: which of them are there, nobody has looked. A camera
+        without `rgb` has an empty pattern.
+
+    Raises:
+        UserError: lists every problem at once, each with field and remedy.
+    """
+    examined = examine_network(folder)
+    refuse(examined.problems, f"capture {folder}")
+    assert examined.capture is not None  # the validator returns it whenever there is no problem
+    return _capture_from_json(folder, examined.capture, sys.maxsize, None, examined)
+
+
+def _capture_from_json(
+    folder: Path, raw: dict[str, Any], frames: int, truth: Truth | None, examined: Examination
+) -> Capture:
     return Capture(
         folder,
         float(raw["fps"]),
-        raw["frames"],
-        cameras,
+        frames,
+        tuple(_camera_from_json(camera) for camera in raw["cameras"]),
         truth,
-        missing,
-        warnings,
+        raw.get("missing", "drop"),
+        tuple(str(warning) for warning in examined.warnings),
         examined.masks,
         GeographicOrigin(**{key: float(value) for key, value in raw["origin"].items()}) if "origin" in raw else None,
         raw.get("outside", False),
@@ -150,7 +179,7 @@ def _camera_from_json(raw: dict[str, Any]) -> CaptureCamera:
         distortion_model=raw["distortion"]["model"],
         distortion=tuple(float(c) for c in raw["distortion"]["coefficients"]),
         world_from_cam=transform,
-        rgb=raw["rgb"],
+        rgb=raw.get("rgb", ""),
         mask=raw.get("mask"),
         depth=raw.get("depth"),
         time_offset_s=float(raw.get("time_offset_s", 0.0)),

@@ -22,6 +22,10 @@ _LEVELS = np.arange(256, dtype=np.float32) / np.float32(255)
 """The 256 values of an 8-bit channel; looking them up is four times as fast as converting and dividing."""
 
 
+CameraView = tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]
+"""What one camera recorded at one instant, as in `FrameSet`: image, ids and coverage."""
+
+
 def source_frame(capture: Capture, camera_index: int, frame: int) -> int | None:
     """The camera's own frame that shows the capture's time frame/fps best: round(frame - time_offset_s·fps).
 
@@ -35,9 +39,14 @@ def source_frame(capture: Capture, camera_index: int, frame: int) -> int | None:
     """
     if not 0 <= frame < capture.frames:
         raise IndexError(f"frame {frame} of a capture with {capture.frames} frames")
-    # Halves go up: round-half-even would take one frame twice and skip the next.
-    index = math.floor(frame - capture.cameras[camera_index].time_offset_s * capture.fps + 0.5)
+    index = frame + frames_early(capture, camera_index)
     return index if 0 <= index < capture.frames else None
+
+
+def frames_early(capture: Capture, camera_index: int) -> int:
+    """What to add to a frame of the capture's clock to have the camera's own frame that shows its time best."""
+    # Halves go up: round-half-even would take one frame twice and skip the next.
+    return math.floor(0.5 - capture.cameras[camera_index].time_offset_s * capture.fps)
 
 
 def read_frames(capture: Capture, frame: int, *, rgb: bool = True, ids: bool = True) -> FrameSet:
@@ -56,7 +65,7 @@ def read_frames(capture: Capture, frame: int, *, rgb: bool = True, ids: bool = T
     views, missing = [], []
     for index in range(len(capture.cameras)):
         try:
-            views.append(_read_view(capture, index, frame, rgb=rgb, ids=ids))
+            views.append(read_view(capture, index, frame, rgb=rgb, ids=ids))
         except UserError as error:
             if capture.missing == "refuse" or error.code not in ("missing", "unreadable"):
                 raise
@@ -66,10 +75,8 @@ def read_frames(capture: Capture, frame: int, *, rgb: bool = True, ids: bool = T
     return FrameSet(frame, frame / capture.fps, images, masks, coverage, tuple(missing))
 
 
-def _read_view(
-    capture: Capture, camera_index: int, frame: int, *, rgb: bool, ids: bool
-) -> tuple[np.ndarray | None, np.ndarray | None, np.ndarray | None]:
-    """Image, ids and coverage of one camera."""
+def read_view(capture: Capture, camera_index: int, frame: int, *, rgb: bool, ids: bool) -> CameraView:
+    """Image, ids and coverage of one camera; arguments and errors as `read_frames`, which leaves the camera out."""
     image = read_rgb(capture, camera_index, frame) if rgb else None
     if rgb and image is None and source_frame(capture, camera_index, frame) is not None:
         camera = capture.cameras[camera_index]
@@ -111,9 +118,23 @@ def read_rgb(capture: Capture, camera_index: int, frame: int) -> Float32[np.ndar
         # Orientation tags would turn the image away from its calibration; 16-bit images keep their depth.
         decoded = _decode(path, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION)
         image = cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB)
-    _check_size(path, image, camera)
+    return straight_image(image, camera, str(path))
+
+
+def straight_image(image: np.ndarray, camera: CaptureCamera, source: str) -> Float32[np.ndarray, "height width 3"]:
+    """A stored picture as the stages take it: sRGB 0..1, undistorted.
+
+    Args:
+        image: RGB, 8 or 16 bits.
+        camera: that took it.
+        source: where it comes from, for messages.
+
+    Raises:
+        UserError: it is of another size or kind.
+    """
+    _check_size(source, image, camera)
     if image.dtype not in (np.uint8, np.uint16):
-        raise UserError("invalid", f"{path}: has {image.dtype} values", "write an 8- or 16-bit image")
+        raise UserError("invalid", f"{source}: has {image.dtype} values", "write an 8- or 16-bit image")
     image = _undistorted(image, camera)
     if image.dtype == np.uint8:
         return cv2.LUT(image, _LEVELS)
@@ -285,7 +306,7 @@ def _decode(path: Path, flags: int) -> np.ndarray:
     return image
 
 
-def _check_size(path: Path, image: np.ndarray, camera: CaptureCamera) -> None:
+def _check_size(path: Path | str, image: np.ndarray, camera: CaptureCamera) -> None:
     height, width = image.shape[:2]
     if (width, height) != (camera.width, camera.height):
         wanted = f"{camera.width}×{camera.height}"

@@ -6,7 +6,7 @@ They stay within the capture's folder, unless the capture says that its files li
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path, PureWindowsPath
 
 from aerojax.core.errors import UserError
@@ -88,6 +88,27 @@ def frame_paths(pattern: str, frames: Iterable[int]) -> Iterator[str]:
     head, digits, tail = match["head"], int(match["digits"] or 1), match["tail"]
     for frame in frames:
         yield f"{head}{frame:0{digits}d}{tail}"
+
+
+def frame_numbers(pattern: str) -> Callable[[str], int | None]:
+    """A function from a file's name to the number that it has by a pattern; None for files of other names.
+
+    Raises:
+        UserError: the number stands in a folder's name, or nowhere.
+    """
+    match = _PATTERN.fullmatch(pattern)
+    if match is None or "/" in match["tail"]:
+        problem = f"{pattern!r} has no {{frame}} in the file's own name"
+        raise UserError("invalid", problem, "use a path such as cam/rgb/{frame:06d}.png")
+    head, digits = match["head"].rpartition("/")[2], int(match["digits"] or 1)
+    named = re.compile(rf"{re.escape(head)}([0-9]{{{digits},}}){re.escape(match['tail'])}")
+
+    def number(name: str) -> int | None:
+        found = named.fullmatch(name)
+        unpadded = found is not None and (len(found[1]) == digits or found[1][0] != "0")
+        return int(found[1]) if found is not None and unpadded else None
+
+    return number
 
 
 def is_inside(folder: Path, path: Path, *, outside: bool = False) -> bool:

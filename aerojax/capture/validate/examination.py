@@ -77,6 +77,30 @@ def examine(folder: Path) -> Examination:
     return Examination(raw, truth, (*findings.problems, *more), tuple(findings.warnings), masks)
 
 
+def examine_network(folder: Path) -> Examination:
+    """Parse and check what a capture says of its cameras, without a look at its frames, which may be yet to come.
+
+    `frames` may be absent, and so may a camera's `rgb`, where pictures come from elsewhere; truth is left alone.
+    """
+    findings = Findings("capture.json")
+    raw = _load_json(folder, "capture.json", findings)
+    if raw is None or not _is_known_format(raw, findings):
+        return Examination(None, None, tuple(findings.problems))
+    findings.mapping(raw, "", ("format", "version", "fps", "cameras"), ("frames", *OPTIONAL))
+    fps = _check_clock({key: value for key, value in raw.items() if key == "fps"}, findings)[0]
+    _check_missing(raw, findings)
+    clock = Clock(fps, None, refuse=False, outside=_check_outside(raw, findings))
+    _check_origin(raw, findings)
+    listed, pictures = _cameras(raw, findings), ("rgb", *OPTIONAL_IMAGES)
+    required = tuple(key for key in CAMERA_KEYS if key != "rgb")
+    check_cameras(listed, findings, required, (*pictures, "time_offset_s", "mask_kind"))
+    for index, camera in enumerate(listed):
+        if isinstance(camera, dict):
+            _check_offset(camera, f"cameras[{index}].time_offset_s", fps, None, findings)
+            check_frame_files(folder, camera, f"cameras[{index}]", clock, findings)
+    return Examination(raw, None, tuple(findings.problems), tuple(findings.warnings))
+
+
 def _cameras(raw: dict[str, Any], findings: Findings) -> list[Any]:
     return findings.items(raw["cameras"], "cameras") if "cameras" in raw else []
 
