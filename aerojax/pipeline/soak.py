@@ -105,8 +105,23 @@ def _largest(one: Float[np.ndarray, "time label"], other: Float[np.ndarray, "tim
     return float(np.abs(one - other).max())
 
 
-def _window(frames: int, spent: Sequence[float]) -> SoakWindow:
+@dataclass(frozen=True)
+class Resources:
+    """What the process holds. resident_mb: memory. handles, threads: open now."""
+
+    resident_mb: float
+    handles: int
+    threads: int
+
+
+def resources() -> Resources:
+    """Of this process now."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     handles = len(list(Path("/proc/self/fd").iterdir()))
+    return Resources(pages * 4096 / 1e6, handles, threading.active_count())
+
+
+def _window(frames: int, spent: Sequence[float]) -> SoakWindow:
     median, slow = (float(np.percentile(spent, share)) for share in (50, 99))
-    return SoakWindow(frames, median, slow, pages * 4096 / 1e6, handles, threading.active_count())
+    held = resources()
+    return SoakWindow(frames, median, slow, held.resident_mb, held.handles, held.threads)

@@ -16,7 +16,7 @@ VELOCITY_REACH = 2
 """Frames before and after, of those that were used, over which the velocity is fitted."""
 VELOCITY_REACH_S = 0.5
 """Seconds before and after beyond which frames do not count for it."""
-_SOLID = 0.1
+SOLID = 0.1
 """Opacity below which a Gaussian is not part of the object's size."""
 _TAIL = 0.01
 """Share of the Gaussians beyond each end of the size: single ones lie astray."""
@@ -65,7 +65,7 @@ def track_points(capture: Capture, clip: Clip) -> tuple[TrackPoint, ...]:
             time_s=float(times[i]),
             position=_triple(clip.position[i]),
             velocity=velocity_at(times, clip.position, i),
-            size=size_of(means[i][opacity[i] > _SOLID]),
+            size=size_of(means[i][opacity[i] > SOLID]),
             probabilities=dict(zip(CLASSES, so_far[i].tolist(), strict=True)),
             place=None if places is None else _triple(places[i]),
         )

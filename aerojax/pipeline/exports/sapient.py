@@ -31,14 +31,19 @@ _NAMESPACE = uuid.UUID("6f1c7c1e-0d0b-5d0e-9a52-0d5b5c1f3a77")
 """Of the node ids; any fixed value."""
 
 
-def require_sapient(capture: Capture, began: str) -> None:
+def require_sapient(capture: Capture, began: str, *, asked: str = "export=sapient") -> None:
     """Refuse a capture without a place on the earth, and a machine without the bindings.
+
+    Args:
+        capture: whose cameras they are.
+        began: time of frame 0, ISO 8601.
+        asked: what wants the messages, for the error.
 
     Raises:
         UserError: the bindings are not installed, the capture has no origin, or `began` is no time.
     """
     if importlib.util.find_spec("sapient_msg") is None:
-        message = "export=sapient needs the package sapient-msg"
+        message = f"{asked} needs the package sapient-msg"
         raise UserError("unavailable", message, "pip install 'aerojax[sapient]'")
     if capture.origin is None:
         message = f"{capture.folder}/capture.json has no origin, and SAPIENT wants latitude and longitude"
@@ -60,23 +65,44 @@ def export_sapient(capture: Capture, points: Sequence[TrackPoint], path: Path, b
     """
     require_sapient(capture, began)
     from google.protobuf import json_format
-    from sapient_msg.bsi_flex_335_v2_0 import location_pb2, sapient_message_pb2
 
     start = _moment(began)
-    node = str(uuid.uuid5(_NAMESPACE, str(capture.folder.resolve())))
+    node = node_of(capture)
     track = ulid(start, number_of(node, began, "track"))
     lines = []
     for point in points:
         moment = start + timedelta(seconds=point.time_s)
-        message = sapient_message_pb2.SapientMessage(node_id=node)
-        message.timestamp.FromDatetime(moment.replace(tzinfo=None))
-        location = message.detection_report.location
-        location.coordinate_system = location_pb2.LOCATION_COORDINATE_SYSTEM_LAT_LNG_DEG_M
-        location.datum = location_pb2.LOCATION_DATUM_WGS84_E
-        _fill(message.detection_report, point, track, ulid(moment, number_of(node, began, "report", point.frame)))
+        message = detection_message(
+            point, node, moment, track=track, report=ulid(moment, number_of(node, began, "report", point.frame))
+        )
         lines.append(json_format.MessageToJson(message, preserving_proto_field_name=True, indent=None) + "\n")
     write_text(path, "".join(lines))
     return path
+
+
+def node_of(capture: Capture) -> str:
+    """The UUID of the network as a SAPIENT node: the same for the same folder."""
+    return str(uuid.uuid5(_NAMESPACE, str(capture.folder.resolve())))
+
+
+def detection_message(point: TrackPoint, node: str, moment: datetime, *, track: str, report: str) -> Any:
+    """One sighting as a `SapientMessage` with a detection report.
+
+    Args:
+        point: where and what it is; with its place.
+        node: UUID of what reports it.
+        moment: when, UTC.
+        track, report: ULIDs of the object and of the report.
+    """
+    from sapient_msg.bsi_flex_335_v2_0 import location_pb2, sapient_message_pb2
+
+    message = sapient_message_pb2.SapientMessage(node_id=node)
+    message.timestamp.FromDatetime(moment.replace(tzinfo=None))
+    location = message.detection_report.location
+    location.coordinate_system = location_pb2.LOCATION_COORDINATE_SYSTEM_LAT_LNG_DEG_M
+    location.datum = location_pb2.LOCATION_DATUM_WGS84_E
+    _fill(message.detection_report, point, track, report)
+    return message
 
 
 def _moment(began: str) -> datetime:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import html
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,7 +16,7 @@ from aerojax.view.report.pictures import player_section
 from aerojax.view.report.player import Step, as_script, player_data, plot_step, shown_steps, steps_of
 from aerojax.view.report.verdict import bars, verdict
 from aerojax.view.svg import height_curve, top_view
-from aerojax.view.templates import fill, read_template
+from aerojax.view.templates import fill, policy_hash, read_template
 from aerojax.view.viewer.scene import viewer_script
 
 
@@ -36,7 +34,7 @@ def write_report(path: Path, report: ClassificationReport) -> None:
     parts = {
         "style": read_template("report/style.css"),
         "script": script,
-        "hash": "sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
+        "hash": policy_hash(script),
         "title": html.escape(report.title),
         "verdict": verdict(report),
         "bars": bars(report),
