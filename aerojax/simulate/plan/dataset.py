@@ -32,6 +32,7 @@ class RigConfig:
     motion: `flight`, or `in_place` as in the published Sim-1.
     volume: the monitored box, in which all of every path stays.
     max_travel: metres that a path may span.
+    max_acceleration: m/s² that a path may reach; 0 allows any, also tens of g where a drone sways widely and fast.
     min_cameras: how many cameras at least see an object in every frame, obstacles aside.
     environment: a white dome, one sky colour a camera, or a landscape under a moving sun.
     landscape: what stands in it; sky, sun and weather are drawn for each sequence.
@@ -46,6 +47,7 @@ class RigConfig:
     motion: Motion = "flight"
     volume: Volume = field(default_factory=Volume)
     max_travel: float = 40.0
+    max_acceleration: float = 0.0
     min_cameras: int = 3
     environment: Literal["white", "sky", "outdoor"] = "white"
     landscape: LandscapeConfig = field(default_factory=LandscapeConfig)
@@ -210,6 +212,7 @@ def _check(config: DatasetConfig) -> None:
         (config.images.rays_across < 0, f"images.rays_across is {config.images.rays_across}; use 0 or more"),
         (rig.fixed is None and not rig.random, f"rig {rig.name} has neither a fixed rig nor random ones; give one"),
         (set(config.classes) - set(CLASSES), f"classes has {list(config.classes)}; use {', '.join(CLASSES)}"),
+        (rig.max_acceleration < 0, f"rig.max_acceleration is {rig.max_acceleration:g}; use 0 for any"),
         (rig.sun_climb < 0, f"rig.sun_climb is {rig.sun_climb:g}; use 0 for a sun of one height"),
         (crowd.objects < 1, f"crowd.objects is {crowd.objects}; at least one object flies"),
         (crowd.birds < 0, f"crowd.birds is {crowd.birds}; use 0 for none"),

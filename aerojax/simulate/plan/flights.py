@@ -117,6 +117,8 @@ def _flight_somewhere(
         rng=rng,
         max_travel=rig.max_travel,
     )
+    if rig.max_acceleration > 0 and _acceleration(flight, config.fps) > rig.max_acceleration:
+        return None
     if meeting is None:
         position = flight.position + rng.uniform(space.low - room, space.high + room)
     else:
@@ -130,6 +132,12 @@ def _flight_somewhere(
     # A lone object in the middle of a fixed sphere is where the thesis has it, even if it fills the image.
     thesis = point and room == 0.0 and near > BODY_RADIUS
     return Flight(position, flight.world_from_body) if thesis or seen.min() >= rig.min_cameras else None
+
+
+def _acceleration(flight: Flight, fps: float) -> float:
+    """The greatest of a flight, m/s²."""
+    change = np.diff(flight.position, 2, axis=0) * fps**2
+    return float(np.linalg.norm(change, axis=1).max(initial=0.0))
 
 
 def _apart(flight: Flight, other: Flight) -> bool:
