@@ -16,10 +16,9 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
-from scipy.stats import chi2
 
 from aerojax.core.config import require_at_least
-from aerojax.track.sights import NoiseConfig, TimedCamera, calibration_variance, sight_of_points
+from aerojax.track.sights import NoiseConfig, TimedCamera, calibration_variance, gate, sight_of_points
 
 NONE = -1
 """No detection of that camera."""
@@ -186,7 +185,9 @@ def directions(pixels: Float64[np.ndarray, "sight 2"], camera: TimedCamera) -> F
 
 
 def _gated(found: Candidates, config: AssociationConfig) -> Candidates:
-    limit = chi2.ppf(config.confidence, np.maximum(2 * found.views - 3, 1))
+    # By the number of views; of fewer than two there are none.
+    limits = np.array([gate(config.confidence, max(2 * views - 3, 1)) for views in range(found.sights.shape[1] + 1)])
+    limit = limits[found.views]
     return found.chosen(found.usable & (found.misfit < limit))
 
 
@@ -207,7 +208,7 @@ def _grown(
 ) -> Sets:
     """Each pair with the nearest sight that it allows in every other camera."""
     sets = pairs.sights.copy()
-    limit = chi2.ppf(config.confidence, 2)
+    limit = gate(config.confidence, 2)
     for index, camera in enumerate(cameras):
         own = np.flatnonzero(rays.camera == index)
         if len(own) == 0:
@@ -216,7 +217,7 @@ def _grown(
         points = pairs.state[:, None, :3] + lag * pairs.state[:, None, 3:]
         pixels, by_point, depth = sight_of_points(points, camera)
         by_state = np.concatenate([by_point, by_point * lag[..., None]], axis=-1)
-        spread = np.einsum("cdia,cab,cdjb->cdij", by_state, pairs.covariance, by_state)
+        spread = by_state @ pairs.covariance[:, None] @ by_state.swapaxes(-1, -2)
         spread += (rays.variance[own] + calibration_variance(depth, camera, noise))[..., None, None] * np.eye(2)
         off = rays.pixels[own] - pixels
         distance = np.einsum("cdi,cdi->cd", off, np.linalg.solve(spread, off[..., None])[..., 0])

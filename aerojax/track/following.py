@@ -14,13 +14,12 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
 
 from aerojax.core.config import require_at_least
 from aerojax.core.errors import UserError
 from aerojax.track.association import NONE, AssociationConfig, Rays, associate, concatenated
 from aerojax.track.motion import MotionConfig, born, expect, predict, update
-from aerojax.track.sights import NoiseConfig, Scan, TimedCamera
+from aerojax.track.sights import NoiseConfig, Scan, TimedCamera, gate
 
 Status = Literal["tentative", "confirmed", "coasting", "lost"]
 
@@ -207,9 +206,9 @@ def _assigned(
     The cost is -2 log of the normal density, so a track that is known well is preferred to one that could be anywhere;
     to miss a track costs as much as the worst sight in its gate.
     """
-    gate = float(chi2.ppf(confidence, 2))
-    inside = distance < gate
-    miss = gate + float(log_spread[inside].max(initial=-np.inf)) if inside.any() else 0.0
+    limit = gate(confidence, 2)
+    inside = distance < limit
+    miss = limit + float(log_spread[inside].max(initial=-np.inf)) if inside.any() else 0.0
     tracks, sights = linear_sum_assignment(np.where(inside, np.where(inside, distance, 0.0) + log_spread, miss))
     kept = inside[tracks, sights]
     return tracks[kept], sights[kept]

@@ -68,7 +68,7 @@ def expect(states: States, covariances: Covariances, scan: Scan, camera: TimedCa
     pixels, by_point, depth = sight_of_points(position + lag * velocity + lag**2 / 2 * acceleration, camera)
     lag = lag[..., None]
     by_state = np.concatenate([by_point, by_point * lag, by_point * lag**2 / 2], axis=-1)
-    spread = np.einsum("tsia,tab,tsjb->tsij", by_state, covariances, by_state, optimize=True)
+    spread = by_state @ covariances[:, None] @ by_state.swapaxes(-1, -2)
     own = scan.variance[None, :] + calibration_variance(depth, camera, noise)
     spread = spread + own[..., None, None] * np.eye(2)
     off = scan.pixels[None] - pixels

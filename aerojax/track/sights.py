@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.stats import chi2
 
 from aerojax.capture.format import CaptureCamera
 from aerojax.capture.lenses import undistort_points
-from aerojax.geometry.cameras import pixels_of_camera_points, points_in_camera
+from aerojax.geometry.cameras import points_in_camera
 
 Vector = Float64[np.ndarray, "3"]
 Matrix = Float64[np.ndarray, "3 3"]
@@ -174,7 +176,7 @@ def sight_of_points(
     depth = inside[..., 2]
     safe = np.where(np.abs(depth) < 1e-6, 1e-6, depth)
     slopes = inside[..., :2] / safe[..., None]
-    pixels = pixels_of_camera_points(inside, camera)
+    pixels = slopes @ camera.K[:2, :2].T + camera.K[:2, 2]
     by_slope = np.zeros((*depth.shape, 2, 3))
     by_slope[..., :2] = camera.K[:2, :2]
     by_slope[..., 2] = -(slopes @ camera.K[:2, :2].T)
@@ -187,3 +189,9 @@ def calibration_variance(
     """Share of the calibration in a sight's variance, square pixels: (f·σ_rotation)² + (f·σ_position/depth)²."""
     focal = float(camera.K[0, 0])
     return (focal * np.radians(noise.rotation_deg)) ** 2 + (focal * noise.position_m / np.maximum(depth, 1e-3)) ** 2
+
+
+@functools.cache
+def gate(confidence: float, degrees: int) -> float:
+    """Squared Mahalanobis distance that a share `confidence` of true values of so many degrees of freedom keeps."""
+    return float(chi2.ppf(confidence, degrees))

@@ -10,8 +10,10 @@ import numpy as np
 
 from aerojax.evaluate.tracking import TrackingFrame
 from aerojax.geometry.cameras import look_at
+from aerojax.track import simulated
 from aerojax.track.offline import Following
-from aerojax.track.sights import Detections, TimedCamera, sight_of_points
+from aerojax.track.sights import TimedCamera
+from aerojax.track.simulated import DetectorConfig, Watched
 
 FPS = 30.0
 
@@ -62,17 +64,6 @@ def crossing(rng: np.random.Generator, seconds: float, *, gap: float = 1.5) -> t
     return one, replace(other, middle=other.middle + apart + gap * aside / np.linalg.norm(aside))
 
 
-@dataclass(frozen=True)
-class Watching:
-    """What was seen, and what was there.
-
-    source: of each detection, the path's index or -1 for a false one.
-    """
-
-    detections: Detections
-    source: np.ndarray
-
-
 def watch(
     paths: Sequence[Path],
     cameras: Sequence[TimedCamera],
@@ -85,43 +76,18 @@ def watch(
     merge_px: float = 10.0,
     blackout: tuple[float, float] = (0.0, 0.0),
     stagger: bool = False,
-) -> Watching:
-    """Detections of all cameras by their own clocks.
+) -> Watched:
+    """Detections of all cameras by their own clocks; see `aerojax.track.simulated.watch`.
 
     Args:
-        missed: share of detections that are missing. clutter: false ones in an image.
-        merge_px: nearer to each other in an image than this, only the object before the other is detected.
         blackout: between which seconds of their own clocks no camera detects the first object.
-        stagger: whether each camera's images are taken at a phase of its own.
     """
-    parts, sources = [], []
-    for index, camera in enumerate(cameras):
-        stamps = (np.arange(int(seconds * FPS)) + (rng.uniform(0, 1) if stagger else 0.0)) / FPS
-        views = [_view(one, camera, stamps) for one in paths]
-        pixels, depth = np.stack([p for p, _ in views]), np.stack([d for _, d in views])
-        seen = (depth > 0) & np.all((pixels > 0) & (pixels < [camera.width, camera.height]), axis=-1)
-        apart = np.linalg.norm(pixels[:, None] - pixels[None], axis=-1)
-        seen &= ~np.any((apart < merge_px) & (depth[:, None] > depth[None]), axis=1)
-        seen &= rng.uniform(size=seen.shape) >= missed
-        seen[0] &= (stamps < blackout[0]) | (stamps >= blackout[1])
-        number, moment = np.nonzero(seen)
-        noisy = pixels[seen] + rng.normal(0, noise_px, (len(number), 2))
-        at = np.repeat(stamps, rng.poisson(clutter, len(stamps)))
-        false = rng.uniform([0, 0], [camera.width, camera.height], (len(at), 2))
-        count = len(number) + len(at)
-        parts.append((np.full(count, index), np.concatenate([stamps[moment], at]), np.concatenate([noisy, false])))
-        sources.append(np.concatenate([number, np.full(len(at), -1)]))
-    camera, stamp, pixels = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Watching(Detections(camera, stamp, pixels, np.zeros(len(camera))), np.concatenate(sources))
-
-
-def _view(one: Path, camera: TimedCamera, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels and depths in images of these stamps; of a rolling shutter, the row says when, and that where."""
-    row = np.full(len(stamps), camera.height / 2)
-    for _ in range(4):
-        pixels, _, depth = sight_of_points(one.at(camera.network_time(stamps, row)), camera)
-        row = pixels[:, 1]
-    return pixels, depth
+    config = DetectorConfig(*map(float, (noise_px, missed, clutter, merge_px)))
+    places = [one.at for one in paths]
+    seen = simulated.watch(places, cameras, frames=int(seconds * FPS), fps=FPS, config=config, stagger=stagger, rng=rng)
+    stamps = seen.detections.stamp_s
+    shown = (seen.source != 0) | (stamps < blackout[0]) | (stamps >= blackout[1])
+    return Watched(seen.detections.chosen(shown), seen.source[shown])
 
 
 @dataclass(frozen=True)
@@ -130,7 +96,7 @@ class Scene:
 
     cameras: tuple[TimedCamera, ...]
     paths: tuple[Path, ...]
-    watching: Watching
+    watching: Watched
 
 
 def scene(seed: int, *, seconds: float = 10.0, objects: int | None = None, **how: Any) -> Scene:
