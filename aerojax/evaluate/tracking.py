@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -115,6 +116,20 @@ def tracking_figures(frames: Sequence[TrackingFrame], *, reach: float = 1.0, cut
         ghosts=100 * (said - found) / len(frames) if frames else 0.0,
         missed=_share(there - found, there),
     )
+
+
+def owners(frames: Sequence[TrackingFrame], *, reach: float = 1.0) -> dict[int, int]:
+    """The object that each track is of: the one that it was paired with most often; tracks of none are left out.
+
+    Args:
+        frames: in order.
+        reach: how near a track is to an object that it is of, metres.
+    """
+    counts: dict[int, Counter[int]] = {}
+    for frame in frames:
+        for row, column in zip(*_pairs(frame.distances(), reach, 2.0), strict=True):
+            counts.setdefault(int(frame.ids[column]), Counter())[int(frame.truth_ids[row])] += 1
+    return {track: count.most_common(1)[0][0] for track, count in sorted(counts.items())}
 
 
 def _matched(frames: Sequence[TrackingFrame], reach: float) -> tuple[int, float, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerojax.evaluate.tracking import TrackingFrame, gospa, tracking_figures
+from aerojax.evaluate.tracking import TrackingFrame, gospa, owners, tracking_figures
 
 
 def frame(truth: dict[int, float], said: dict[int, float]) -> TrackingFrame:
@@ -45,6 +45,12 @@ def test_identities_by_hand():
     figures = tracking_figures(frames)
     assert figures.idf1 == pytest.approx(2 * 6 / 16) and figures.switches == 2
     assert figures.ghosts == 0 and figures.missed == 0 and figures.rmse == pytest.approx(0.1)
+
+
+def test_a_track_is_of_the_object_that_it_was_at_most_often():
+    frames = [frame({1: 0.0, 2: 9.0}, {5: 0.1, 6: 9.1, 7: 40.0}) for _ in range(3)]
+    frames.append(frame({1: 0.0, 2: 9.0}, {5: 9.1, 6: 0.1}))
+    assert owners(frames) == {5: 1, 6: 2}
 
 
 def test_ghosts_and_misses_by_hand():
