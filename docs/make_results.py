@@ -3,10 +3,8 @@
     make docs
 
 A template holds `{{file path format}}`: a file of results/ (or docs/published.json) without its end, a path into it and
-how the value is written; `{{table name}}` is one of `TABLES`. A path is keys and numbers with dots between, `*` for all
-that go on as the path does, `rows[factor=clock_ms,value=66].accuracy` for the row that says so, and min(…), max(…),
-median(…), sum(…) or count(…) around it. Formats are those of Python; `.1%` puts a space before the sign and `.1e`
-writes a power of ten.
+how the value is written; `{{table name}}` is one of `TABLES`. Paths are those of `aerojax.evaluate.result_paths`.
+Formats are those of Python; `.1%` puts a space before the sign and `.1e` writes a power of ten.
 """
 
 from __future__ import annotations
@@ -14,11 +12,12 @@ from __future__ import annotations
 import functools
 import json
 import re
-import statistics
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
+
+from aerojax.evaluate.result_paths import lookup
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -29,15 +28,6 @@ BEGIN, END = "<!-- results: made by `make docs` from docs/templates/readme.md --
 WIDTH = 120
 """Characters of a line of prose."""
 PLACE = re.compile(r"\{\{(.+?)\}\}")
-_REDUCED = re.compile(r"(min|max|median|sum|count)\((.*)\)")
-_STEP = re.compile(r"([^.\[\]]+)|\[([^\]]*)\]")
-_REDUCERS: dict[str, Callable[[Any], Any]] = {
-    "min": min,
-    "max": max,
-    "median": statistics.median,
-    "sum": sum,
-    "count": len,
-}
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 
@@ -46,34 +36,6 @@ def load(name: str) -> Any:
     """The content of results/<name>.json, or of docs/<name>.json."""
     path = next(p for p in (ROOT / "results" / f"{name}.json", DOCS / f"{name}.json") if p.is_file())
     return json.loads(path.read_text(encoding="utf-8"))
-
-
-def lookup(values: Any, path: str) -> Any:
-    """What a path leads to; see the top of this file."""
-    if reduced := _REDUCED.fullmatch(path):
-        return _REDUCERS[reduced[1]](lookup(values, reduced[2]))
-    return _followed(values, [key or f"[{chosen}]" for key, chosen in _STEP.findall(path)])
-
-
-def _followed(values: Any, steps: Sequence[str]) -> Any:
-    if not steps:
-        return values
-    step, rest = steps[0], steps[1:]
-    if step == "*":
-        every = values.values() if isinstance(values, dict) else values
-        return [_followed(value, rest) for value in every if not rest or (isinstance(value, dict) and rest[0] in value)]
-    if "=" in step:
-        wanted = dict(pair.split("=") for pair in step.strip("[]").split(","))
-        found = [row for row in values if all(_equal(row[key], value) for key, value in wanted.items())]
-        if len(found) != 1:
-            raise KeyError(f"{step} fits {len(found)} rows")
-        return _followed(found[0], rest)
-    key = step.strip("[]")
-    return _followed(values[int(key)] if isinstance(values, list) else values[key], rest)
-
-
-def _equal(value: Any, text: str) -> bool:
-    return value == float(text) if isinstance(value, int | float) else str(value) == text
 
 
 def formatted(value: Any, how: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Real
 
 from aerojax.evaluate.labels import confusion_matrix
 
@@ -28,7 +28,7 @@ def confusion_by_identity(
 
 
 def bootstrap_interval(
-    confusions: Int[np.ndarray, "identity truth prediction"],
+    confusions: Real[np.ndarray, "identity truth prediction"],
     statistic: Statistic,
     *,
     seed: int,
@@ -40,8 +40,8 @@ def bootstrap_interval(
 
 
 def paired_interval(
-    first: Int[np.ndarray, "identity truth prediction"],
-    second: Int[np.ndarray, "identity truth prediction"],
+    first: Real[np.ndarray, "identity truth prediction"],
+    second: Real[np.ndarray, "identity truth prediction"],
     statistic: Statistic,
     *,
     seed: int,
@@ -57,7 +57,7 @@ def paired_interval(
     return _percentiles(difference, level)
 
 
-def _drawn(confusions: Int[np.ndarray, "identity truth prediction"], seed: int, draws: int) -> np.ndarray:
+def _drawn(confusions: Real[np.ndarray, "identity truth prediction"], seed: int, draws: int) -> np.ndarray:
     count = len(confusions)
     times = np.random.default_rng(seed).multinomial(count, np.full(count, 1 / count), size=draws)
     return np.einsum("di,itp->dtp", times, confusions)

@@ -16,7 +16,7 @@ from aerojax.classify.load import save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.types import CLASSES
 from aerojax.data.clips import save_clip
-from experiments import eval_rotation, measure_accuracy, measure_cost, measure_drift, measure_robustness
+from experiments import eval_rotation, measure_accuracy, measure_cost, measure_drift, measure_frames, measure_robustness
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +86,17 @@ def test_accuracy_of_folders(place, monkeypatch, capsys):
     assert (found["all"]["clips"], found["all"]["identities"], found["all"]["missing"]) == (4, 4, 0)
     assert found["width_px"] == [] and found["command"].startswith("python -m experiments.measure_accuracy")
     assert "accuracy/results.json" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_frames_in_order_and_shuffled(place, monkeypatch, capsys):
+    where = (f"tests=[{place}/rig]", f"hydra.run.dir={place}/frames")
+    run_command(measure_frames, monkeypatch, "preset=smoke", f"models=[{place}/weights.safetensors]", *where)
+    (model,) = json.loads((place / "frames/results.json").read_text())["models"]
+    assert model["name"] == "weights" and model["clips"] == 4 and len(model["whole"]) == 5
+    assert model["fall"] is None and model["distance_m"] == [] and model["frames_by_distance"] == []
+    assert (place / "frames/weights_frames.svg").read_text().startswith("<svg")
+    assert "shuffled costs" in capsys.readouterr().out
 
 
 @pytest.mark.slow

@@ -43,6 +43,7 @@ ON_CLIPS = {
     "eval_rotation": (("trials=1", "draws=10", "model=mambasplat"), {}),
     "measure_accuracy": (("draws=10",), {}),
     "measure_drift": (("count=2", "rotations=1", "double=1"), {}),
+    "measure_frames": (("models=[mambasplat]", "trials.orders=1", "trials.draws=10", "trials.token_ensembles=1"), {}),
 }
 """Acts on clips: what makes each short, and more of that by preset."""
 FEW_CONDITIONS = tuple(
@@ -50,6 +51,7 @@ FEW_CONDITIONS = tuple(
     for name in ("identities=1", "contexts=[]", "masks=[]", "swept=1", "distances=[]", "recorded=1", "rigs=[]")
 )
 ALONE = {
+    "count_networks": ((), {}),
     "classify": (("sample.sequence.frames=2",), {}),
     "doctor": ((), {}),
     "draw_contact_sheets": (("splits=[val]", "labels=[bird]"), {}),
@@ -65,6 +67,7 @@ ALONE = {
         (*ONE_CLIP, "workers=1", "draws=10", f"curves={{{', '.join(f'{name}: []' for name in CURVES)}}}"),
         {},
     ),
+    "reproduce": ((), {}),
     "measure_soak": (("frames=12", "windows=2", "settled=0", "sample.sequence.frames=4"), {}),
 }
 """Acts that need no data."""
@@ -146,7 +149,8 @@ def test_acts_on_clips(act, preset, clips_of, monkeypatch, tmp_path):
     if preset not in PRESETS[act]:
         return
     clips, (short, by_preset) = clips_of(preset), ON_CLIPS[act]
-    places = {"measure_accuracy": ("tests", "also"), "train_classifier": ("clips", "tests", "also_test")}
+    places = {"measure_accuracy": ("tests", "also"), "measure_frames": ("tests",)}
+    places |= {"train_classifier": ("clips", "tests", "also_test")}
     keys = places.get(act, ("clips",))
     where = [f"{keys[0]}=[{clips}]", *(f"{key}=[]" for key in keys[1:])]
     if act == "eval_rotation":
@@ -166,6 +170,7 @@ def test_acts_that_need_no_data(act, preset, folder, monkeypatch, tmp_path):
     where = [f"assets={folder}/assets"] if "assets" in keys else []
     where += [f"folder={tmp_path}/made"] if "folder" in keys else []
     where += [f"sample.folder={tmp_path}/samples"] if "sample" in keys else []
+    where += [f"page={tmp_path}/page.md"] if "page" in keys else []
     overrides = (*short, *by_preset.get(preset, ()), *where)
     if not done_already(act, preset, *overrides):
         run(monkeypatch, act, preset, tmp_path / "run", *overrides)
