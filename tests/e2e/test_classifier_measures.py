@@ -64,7 +64,7 @@ def test_without_validation_clips_there_is_no_temperature(place, monkeypatch, ca
     assert "z/SO3" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_drift_of_a_file_and_of_an_untrained_model(place, monkeypatch, capsys):
     weights = place / "weights.safetensors"
     where = (f"clips=[{place}/rig]", f"hydra.run.dir={place}/drift")
@@ -99,7 +99,7 @@ def test_frames_in_order_and_shuffled(place, monkeypatch, capsys):
     assert "shuffled costs" in capsys.readouterr().out
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_cost_of_members_and_modes(place, monkeypatch):
     weights = place / "weights.safetensors"
     run_command(measure_cost, monkeypatch, "preset=smoke", f"weights=[{weights}]", f"hydra.run.dir={place}/cost")

@@ -13,7 +13,7 @@ from aerojax.gaussians.io.usd_reading import read_usd
 from experiments import fit_gaussians
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_fit_improves_on_the_hull_and_exports(tmp_path, monkeypatch):
     where = (f"hydra.run.dir={tmp_path}/run", f"sample.folder={tmp_path}/samples", f"assets={tmp_path}/assets")
     monkeypatch.setattr(sys, "argv", ["fit_gaussians.py", "preset=smoke", *where])

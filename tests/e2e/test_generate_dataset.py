@@ -82,6 +82,7 @@ def test_two_workers_make_the_same_bytes(dataset):
     assert tree(other) == tree(dataset)
 
 
+@pytest.mark.long
 def test_a_killed_run_goes_on_where_it_stopped(dataset):
     other = beside(dataset, "killed", assets=True)
     process = subprocess.Popen(

@@ -16,7 +16,7 @@ SMALL = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_views_are_made_a_reconstructor_trained_and_measured(tmp_path, monkeypatch):
     where = f"folder={tmp_path}/views"
     for split in ("train", "val"):

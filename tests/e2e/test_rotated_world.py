@@ -96,6 +96,7 @@ def test_reference_capture(shared, classifier, tmp_path):
     check(shortened(read_capture(folder)), classifier, tmp_path)
 
 
+@pytest.mark.long
 def test_the_check_can_fail(classifier):
     """Untied from the rig, the columns of a clip turned without its quaternions change the answer."""
     rng = np.random.default_rng(0)

@@ -79,7 +79,7 @@ def whole(place) -> str:
     return end(begin(place, "whole", "tensorboard=true"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_run_tells_early_how_it_goes_and_leaves_its_origin(whole, place):
     assert f"step 1 of {EPOCHS * STEPS}: loss" in whole and "steps/s" in whole and "min left" in whole
     assert losses(place, "whole").shape == (EPOCHS,)
@@ -91,7 +91,7 @@ def test_a_run_tells_early_how_it_goes_and_leaves_its_origin(whole, place):
     assert [path.name.startswith("events") for path in (place / "whole/curves").iterdir()] == [True]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_killed_process_ends_with_the_same_bits(whole, place):
     moment = random.Random()
     for _ in range(2):

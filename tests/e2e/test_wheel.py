@@ -140,7 +140,7 @@ def test_the_installed_command_lists_acts_and_configuration(installed, tmp_path)
 
 
 @needs_setuptools
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_installed_command_classifies_a_sample(installed, tmp_path):
     done = aerojax(installed, tmp_path, "classify", "preset=smoke")
     assert done.returncode == 0, done.stderr[-3000:]

@@ -74,7 +74,7 @@ def test_depth_and_gaussians(folder):
         np.testing.assert_allclose(found["scale"][:, ::2, ::2], stored["scale_thesis__s2"], rtol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_depth_and_gaussians_with_the_correct_shift_mask(folder):
     found = depth_stages(golden_network(folder, corrected_mask=True), golden_views(folder))
     check(found, folder / "stage_depth_correctedmask.npz", count=5)

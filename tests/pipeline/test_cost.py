@@ -17,7 +17,7 @@ SMALL = MambaSplatConfig(depth=1, mamba_layers=1, d_model=16, channels=4)
 PIPELINE = PipelineConfig(crop_size=32, decimation=DecimationConfig(keep=32))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("config", [SMALL, EnsembleConfig(member=SMALL, size=2), ViewsConfig(width=8, d_model=16)])
 def test_every_member_has_its_cost(config: ClassifierConfig):
     made = untrained(config, tokens=8, frames=2, key=jax.random.key(0))

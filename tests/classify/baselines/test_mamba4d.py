@@ -33,6 +33,7 @@ def test_the_published_order_sorts_indices_as_if_they_were_ranks():
     np.testing.assert_array_equal(published, (places + 7 * np.arange(4)[:, None]).T.reshape(-1))
 
 
+@pytest.mark.long
 def test_the_order_is_a_switch():
     clip, mask = random_clip(0, time=TIME, tokens=TOKENS), jnp.ones((TIME, TOKENS), bool)
     classifier = tiny_classifier("mamba4d")

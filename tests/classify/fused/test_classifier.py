@@ -113,6 +113,7 @@ def heads():
     return run
 
 
+@pytest.mark.long
 def test_dropped_paths_leave_the_answer_to_the_other_and_its_own_head_as_it_was(heads):
     plain = {"dropout": 0.0, "drop_path": 0.0, "head_dropout": 0.0}
     config = FusedConfig(

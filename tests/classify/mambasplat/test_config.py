@@ -46,7 +46,7 @@ def test_without_time_it_learns():
     assert_a_step_helps(MambaSplatConfig(temporal="none", **TINY))
 
 
-@pytest.mark.parametrize("variant", ["exact", "published"])
+@pytest.mark.parametrize("variant", ["exact", pytest.param("published", marks=pytest.mark.long)])
 @pytest.mark.parametrize("bridge", get_args(Bridge))
 def test_all_combinations_have_a_gradient_of_their_own_shape(variant, bridge):
     for mode in get_args(Mode):

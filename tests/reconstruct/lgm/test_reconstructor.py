@@ -31,6 +31,7 @@ def test_the_published_model_has_its_parameters():
     assert parameter_count(shapes.network) == 415_042_848
 
 
+@pytest.mark.long
 def test_a_view_becomes_gaussians_within_the_cube():
     views = ball_views(4)
     valid = jnp.array([True, True, False, True])
