@@ -43,6 +43,7 @@ ON_CLIPS = {
     "eval_rotation": (("trials=1", "draws=10", "model=mambasplat"), {}),
     "measure_accuracy": (("draws=10",), {}),
     "measure_drift": (("count=2", "rotations=1", "double=1"), {}),
+    "describe_clips": (("split=test", "workers=1"), {}),
     "measure_frames": (("models=[mambasplat]", "trials.orders=1", "trials.draws=10", "trials.token_ensembles=1"), {}),
 }
 """Acts on clips: what makes each short, and more of that by preset."""
