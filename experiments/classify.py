@@ -13,6 +13,7 @@ from rich.console import Console
 from aerojax import __version__
 from aerojax.capture.format import Capture, read_capture
 from aerojax.classify.card import Card
+from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig
@@ -99,6 +100,7 @@ def main(config: Config, run: Run) -> None:
             key=jax.random.key(config.seed),
             object_id=config.object,
             trust=config.trust,
+            familiarity=load_familiarity(config.weights),
             progress=lambda done, total, what: bar.update(task, completed=done, description=what),
             keep_observations=True,
         )

@@ -15,6 +15,7 @@ from rich.table import Table
 
 from aerojax.capture.format import read_capture
 from aerojax.classify.base import Trainable
+from aerojax.classify.familiarity import Familiarity, load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
@@ -47,28 +48,32 @@ class Config:
     trust: TrustConfig = field(default_factory=TrustConfig)
 
 
-def classify_one(folder: Path, config: Config, classifier: Trainable) -> tuple[dict[str, Any], np.ndarray]:
+def classify_one(
+    folder: Path, config: Config, classifier: Trainable, familiarity: Familiarity | None
+) -> tuple[dict[str, Any], np.ndarray]:
     """Truth, answer with its status, probabilities and frames used of one capture; and its log-probabilities."""
     capture = read_capture(folder)
     truth = capture.true_class(None)
     key = jax.random.key(config.seed)
-    clip = reconstruct_capture(capture, config.pipeline, classifier, key=key, trust=config.trust)
+    known = {"trust": config.trust, "familiarity": familiarity}
+    clip = reconstruct_capture(capture, config.pipeline, classifier, key=key, **known)
     assert clip.log_probabilities is not None  # there was a classifier
     last = clip.log_probabilities[-1]
     result = result_of(capture, clip)
-    answer = {name: result[name] for name in ("status", "reasons", "label", "most_likely", "probabilities")}
+    kept = ("status", "reasons", "label", "most_likely", "probabilities", "familiarity")
+    answer = {name: result[name] for name in kept}
     return {"truth": truth, **answer, "frames": [len(clip.frames), capture.frames]}, last
 
 
 def show(console: Console, rows: list[dict[str, Any]], figures: dict[str, Any]) -> None:
     """The table, and every capture that was not classified with its reason."""
-    table = Table("capture", "truth", "most likely", "status", "probability", "frames")
+    table = Table("capture", "truth", "answer", "most likely", "status", "probability", "frames")
     for row in rows:
         if "error" not in row:
             surest = max(row["probabilities"].values())
             used, all_frames = row["frames"]
-            cells = (row["truth"] or "-", row["most_likely"], row["status"], f"{surest:.3f}", f"{used}/{all_frames}")
-            table.add_row(escape(row["capture"]), *cells)
+            names = (row["truth"] or "-", row["label"] or "-", row["most_likely"], row["status"])
+            table.add_row(escape(row["capture"]), *names, f"{surest:.3f}", f"{used}/{all_frames}")
     console.print(table)
     for row in rows:
         for reason in row.get("reasons", ()):
@@ -77,23 +82,23 @@ def show(console: Console, rows: list[dict[str, Any]], figures: dict[str, Any]) 
             console.print(f"{row['capture']}: not classified: {row['error']['text']}", soft_wrap=True, markup=False)
     if figures:
         right = round(figures["accuracy"] * figures["clips"])
-        console.print(f"right: {right} of {figures['clips']} with a known class")
+        console.print(f"right: {right} of {figures['clips']} with a known class, by the likeliest one")
 
 
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Captures in; table and metrics.json out. Exit code 1 if some captures, 2 if all were not classified."""
     folders = find_captures(config.captures)
-    classifier = load_classifier(config.weights)
+    classifier, familiarity = load_classifier(config.weights), load_familiarity(config.weights)
     rows: list[dict[str, Any]] = []
     known: list[tuple[np.ndarray, int]] = []  # log-probabilities and truth
     figures: dict[str, Any] = {}
     with progress_bar() as bar:
         for name, folder in bar.track(folders.items(), description="captures"):
             try:
-                row, last = classify_one(folder, config, classifier)
+                row, last = classify_one(folder, config, classifier, familiarity)
                 rows.append({"capture": name, **row})
-                if row["truth"] is not None:
+                if row["truth"] in CLASSES:  # not of outliers
                     known.append((last, CLASSES.index(row["truth"])))
                     figures = label_figures(np.stack([x for x, _ in known]), np.array([c for _, c in known]))
             except (UserError, OSError) as error:

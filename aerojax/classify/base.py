@@ -74,6 +74,26 @@ class Classifier(Protocol):
 
 
 @runtime_checkable
+class Embedding(Classifier, Protocol):
+    """A classifier that also tells what its answer was read from, by which it is judged whether it knows the like.
+
+    Features are one row a network, of one length whatever the clip's; they are as invariant as the answer.
+    """
+
+    def step_features(
+        self, seen: Evidence, valid: Bool[Array, ""], state: State
+    ) -> tuple[Float[Array, "label"], Float[Array, "network feature"], State]:
+        """As `step`, with the features between logits and state."""
+        ...
+
+    def clip_features(
+        self, seen: Evidence, valid: Bool[Array, "time"]
+    ) -> tuple[Float[Array, "time label"], Float[Array, "time network feature"]]:
+        """As `clip`, with the features after each frame."""
+        ...
+
+
+@runtime_checkable
 class Trainable(Classifier, Protocol):
     """A classifier as training sees it: `jax.grad` with respect to it gives a classifier of gradients."""
 

@@ -39,10 +39,10 @@ def load_classifier(path: Path | None = None) -> Trainable:
         UserError: the file is absent or broken; its header has no card, or one that lacks a field or contradicts
             itself; or names every tensor that is missing, unknown, of another shape or type, or not finite.
     """
-    name = next(iter(SHIPPED)) if path is None else str(path)
-    if path is None or (name in SHIPPED and not path.exists()):
-        with as_file(files("aerojax.classify") / "pretrained" / SHIPPED[name]) as shipped:
+    if (name := shipped_name(path)) is not None:
+        with as_file(files("aerojax.classify") / "pretrained" / name) as shipped:
             return load_classifier(shipped)
+    assert path is not None  # no weights are those that are shipped
     tensors, header = read_tensors(path)
     if CARD_KEY not in header:
         raise UserError(
@@ -52,6 +52,12 @@ def load_classifier(path: Path | None = None) -> Trainable:
     classifier = _shapes(card, path)
     network = filled(classifier.network, tensors, path, whose="its own card")
     return jax.tree.unflatten(jax.tree.structure(classifier), jax.tree.leaves(network))
+
+
+def shipped_name(path: Path | None) -> str | None:
+    """The file of the package that weights name; None where they are a file of their own."""
+    name = next(iter(SHIPPED)) if path is None else str(path)
+    return SHIPPED[name] if path is None or (name in SHIPPED and not path.exists()) else None
 
 
 def _shapes(card: Card, path: Path) -> Trainable:

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, UInt8
 
-from aerojax.classify.base import Classifier, with_card
+from aerojax.classify.base import Classifier, Embedding, with_card
 from aerojax.core.arrays import AnyArray
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Evidence, Gaussians
@@ -88,6 +88,30 @@ def log_probabilities(classifier: Classifier, clips: ClipSet) -> Float[np.ndarra
         index = np.arange(start, start + BATCH) % len(clips.label)  # one shape, one compilation
         parts.append(_last_logits(classifier, *jax.tree.map(lambda a, i=index: jnp.asarray(a[i]), arrays)))
     return np.maximum(np.concatenate(parts)[: len(clips.label)], LOWEST)
+
+
+@jax.jit
+def _features(
+    classifier: Embedding, columns: Array, present: Array, crops: Any
+) -> tuple[Float[Array, "clip label"], Float[Array, "clip time network feature"]]:
+    def one(columns: Array, present: Array, crops: Any) -> tuple[Array, Array]:
+        logits, features = classifier.clip_features(evidence(columns, crops), present)
+        return logits[-1], features
+
+    return jax.vmap(one)(columns, present, crops)
+
+
+def answers_with_features(
+    classifier: Embedding, clips: ClipSet
+) -> tuple[Float[np.ndarray, "clip label"], Float[np.ndarray, "clip time network feature"]]:
+    """`log_probabilities` of whole clips, and what they were read from after each frame."""
+    crops, parts = crops_read(classifier, clips), []
+    for start in range(0, len(clips.label), BATCH):
+        index = np.arange(start, start + BATCH) % len(clips.label)  # one shape, one compilation
+        given = (clips.columns, clips.present, crops)
+        parts.append(_features(classifier, *jax.tree.map(lambda a, i=index: jnp.asarray(a[i]), given)))
+    logits, features = (np.concatenate([part[i] for part in parts])[: len(clips.label)] for i in range(2))
+    return np.maximum(logits, LOWEST), features
 
 
 def split_figures(

@@ -73,11 +73,13 @@ def gorodkin_mcc(confusion: Int[np.ndarray, "truth prediction"]) -> float:
 
 def macro_auc(score: Float[np.ndarray, "clip label"], label: Int[np.ndarray, "clip"]) -> float | None:
     """Area under the ROC curve of each class against the rest, averaged over the classes that have both, or None."""
-    areas = [_area(score[:, c], label == c) for c in range(score.shape[1]) if 0 < np.sum(label == c) < len(label)]
+    areas = [
+        ranking_area(score[:, c], label == c) for c in range(score.shape[1]) if 0 < np.sum(label == c) < len(label)
+    ]
     return float(np.mean(areas)) if areas else None
 
 
-def _area(score: Float[np.ndarray, "clip"], positive: Bool[np.ndarray, "clip"]) -> float:
+def ranking_area(score: Float[np.ndarray, "clip"], positive: Bool[np.ndarray, "clip"]) -> float:
     """Chance that a positive scores above a negative, half for equal scores (Mann & Whitney 1947, by mean ranks)."""
     _, place, count = np.unique(score, return_inverse=True, return_counts=True)
     rank = (np.cumsum(count) - (count - 1) / 2)[place]

@@ -40,6 +40,8 @@ class Updated:
     shift_m: by which a camera's picture was displaced to fit the others, at most, metres at the object; 0 where the
         silhouettes fit as they are.
     cut: cameras whose image's border cuts the object, of which the part in the image is used.
+    familiarity: share of known objects that look as strange to the classifier; see `classify.familiarity`. None where
+        it is not known.
     """
 
     frame: int
@@ -51,6 +53,7 @@ class Updated:
     consistency: Consistency
     shift_m: float = 0.0
     cut: tuple[int, ...] = ()
+    familiarity: float | None = None
 
     @property
     def gaussians(self) -> Gaussians:

@@ -14,7 +14,8 @@ from jaxtyping import Array, Bool, Float, Float32, Float64, Key
 
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_frames
-from aerojax.classify.base import Classifier
+from aerojax.classify.base import Classifier, Embedding
+from aerojax.classify.familiarity import Familiarity
 from aerojax.core.errors import UserError
 from aerojax.core.types import Evidence, FrameSet, Gaussians, MissingView, Observation
 from aerojax.gaussians.rotate import transform
@@ -80,6 +81,7 @@ def reconstruct_capture(
     key: Key[Array, ""],
     object_id: int | None = None,
     trust: TrustConfig = _TRUST,
+    familiarity: Familiarity | None = None,
     progress: Progress | None = None,
     keep_observations: bool = False,
 ) -> Clip:
@@ -94,13 +96,14 @@ def reconstruct_capture(
         key: seeds the decimation, frame by frame.
         object_id: instance to follow; the largest one if None. Ignored where the capture has no masks.
         trust: from when on the answer is believed.
+        familiarity: of the classifier, from `load_familiarity`; None to call nothing unknown.
         progress: called after each frame.
         keep_observations: keep crops and boxes in the clip, for a report.
 
     Raises:
         UserError: no frame has enough views, or the configuration contradicts the classifier's card.
     """
-    pipeline = make_pipeline(capture.cameras, config, classifier, key=key, object_id=object_id)
+    pipeline = make_pipeline(capture.cameras, config, classifier, key=key, object_id=object_id, familiarity=familiarity)
     updates: dict[int, list[Updated]] = {}
     dropped: list[Dropped] = []
     missing: list[tuple[int, MissingView]] = []
@@ -135,7 +138,7 @@ def reconstruct_capture(
         )
     kept = max(updates.values(), key=len)
     seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.seen for event in kept))
-    log_probabilities = _log_probabilities(pipeline, kept, seen)
+    log_probabilities, known = _answers(pipeline, kept, seen)
     last = None if log_probabilities is None else log_probabilities[-1]
     record = _record(records, state, kept[0].track)
     return Clip(
@@ -147,7 +150,7 @@ def reconstruct_capture(
         dropped=tuple(event for event in dropped if event.track in (None, kept[0].track)),
         latency_ms=pipeline.watch.medians(),
         consistency=tuple(event.consistency for event in kept),
-        verdict=judge(record, capture.cameras, last, trust, fps=capture.fps),
+        verdict=judge(record, capture.cameras, last, trust, fps=capture.fps, familiarity=known),
         observations=tuple(event.observation for event in kept if event.observation is not None),
         missing=tuple(missing),
         warnings=warnings,
@@ -213,9 +216,23 @@ def _clip(classifier: Classifier, seen: Evidence, valid: Bool[Array, "time"]) ->
     return classifier.clip(seen, valid)
 
 
-def _log_probabilities(pipeline: Pipeline, kept: list[Updated], seen: Evidence) -> np.ndarray | None:
+@jax.jit
+def _clip_known(
+    classifier: Embedding, familiarity: Familiarity, seen: Evidence, valid: Bool[Array, "time"]
+) -> tuple[Float[Array, "time label"], Float[Array, ""]]:
+    logits, features = classifier.clip_features(seen, valid)
+    return logits, familiarity.share(features[-1], valid.sum())
+
+
+def _answers(pipeline: Pipeline, kept: list[Updated], seen: Evidence) -> tuple[np.ndarray | None, float | None]:
+    """Log-probabilities after each frame, and the familiarity after the last."""
     if pipeline.classifier is None:
-        return None
+        return None, None
     if pipeline.classifier.causal:
-        return np.stack([event.log_probabilities for event in kept if event.log_probabilities is not None])
-    return np.asarray(_clip(pipeline.classifier, seen, jnp.ones(len(kept), bool)))
+        rows = np.stack([event.log_probabilities for event in kept if event.log_probabilities is not None])
+        return rows, kept[-1].familiarity
+    valid = jnp.ones(len(kept), bool)
+    if pipeline.familiarity is None or not isinstance(pipeline.classifier, Embedding):
+        return np.asarray(_clip(pipeline.classifier, seen, valid)), None
+    logits, share = _clip_known(pipeline.classifier, pipeline.familiarity, seen, valid)
+    return np.asarray(logits), float(share)

@@ -11,12 +11,15 @@ from typing import Any
 import numpy as np
 
 from aerojax.capture.format import Capture
-from aerojax.core.types import CLASSES
+from aerojax.core.types import CLASSES, UNKNOWN
 from aerojax.pipeline.offline import Clip
 from aerojax.pipeline.track_points import TrackPoint, track_points
 
-FORMAT, VERSION = "aerojax-result", 1
-"""What `result.json` says of itself. The version grows when a key changes its meaning or goes; new keys may come."""
+FORMAT, VERSION = "aerojax-result", 2
+"""What `result.json` says of itself. The version grows when a key changes its meaning or goes; new keys may come.
+
+2: `label` may be "unknown", and `reasons` then says why although the status is ok.
+"""
 SCHEMA = Path(__file__).with_name("result.schema.json")
 """JSON Schema (draft 2020-12) of `result.json`."""
 _FIGURES = ("ray_px", "ray_m", "shift_px", "shift_m", "uncovered")
@@ -30,8 +33,9 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         clip: of it, from a classifier.
 
     Returns:
-        status ("ok", "unsure", "insufficient") with its reasons; label, None unless the status is ok; the most likely
-        class and the probabilities after the last frame; level of the cameras' disagreement, and how well each agrees,
+        status ("ok", "unsure", "insufficient") with its reasons; label, None unless the status is ok, and "unknown" for
+        what is like none of the classes; the most likely class and the probabilities after the last frame, as if it
+        were one of them; familiarity, see `TrustConfig`; level of the cameras' disagreement, and how well each agrees,
         see `agreement_of`; frames that were used, and those that were dropped with code and text; by camera, the frames
         that it was left out of, and why; what the masks hold ("ids", "picture" or None); warnings; the track, see
         `TrackPoint`; median milliseconds a stage. `result_schema` describes all of it.
@@ -39,15 +43,17 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
     assert clip.log_probabilities is not None  # there was a classifier
     probabilities = dict(zip(CLASSES, np.exp(clip.log_probabilities[-1]).tolist(), strict=True))
     most_likely = max(probabilities, key=lambda name: probabilities[name])
+    answer = UNKNOWN if clip.verdict.unknown else most_likely
     return {
         "format": FORMAT,
         "version": VERSION,
         "capture": str(capture.folder),
         "status": clip.verdict.status,
         "reasons": [{"code": reason.code, "text": reason.text} for reason in clip.verdict.reasons],
-        "label": most_likely if clip.verdict.status == "ok" else None,
+        "label": answer if clip.verdict.status == "ok" else None,
         "most_likely": most_likely,
         "probabilities": probabilities,
+        "familiarity": clip.verdict.familiarity,
         "frames": list(clip.frames),
         "dropped": {str(event.frame): {"code": event.code, "text": event.text} for event in clip.dropped},
         "missing": {camera.name: _missing(clip, index) for index, camera in enumerate(capture.cameras)},
@@ -89,10 +95,10 @@ def agreement_of(capture: Capture, clip: Clip) -> dict[str, dict[str, Any]]:
 
 
 def headline(result: Mapping[str, Any]) -> str:
-    """The answer in one line: a label, or that it is not sure, and why."""
-    if result["status"] == "ok":
-        return result["label"]
+    """The answer in one line: a label, and why it is none of the classes or not sure."""
     why = "; ".join(reason["text"] for reason in result["reasons"])
+    if result["status"] == "ok":
+        return f"{result['label']}: {why}" if why else result["label"]
     return f"not sure (most likely {result['most_likely']}): {why}"
 
 

@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Float32, Float64, Int, Key
 
 from aerojax.capture.format import CaptureCamera
-from aerojax.classify.base import Classifier
+from aerojax.classify.base import Classifier, Embedding
+from aerojax.classify.familiarity import Familiarity
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, Crops, Evidence, FrameSet, Gaussians, Observation, Track, View
 from aerojax.gaussians.decimate import DecimationConfig, decimate
@@ -63,6 +64,7 @@ class Pipeline:
     cameras: in the rig's frame. world_from_rig: rigid transform, metres.
     classifier: None to reconstruct alone.
     key: seeds the decimation, frame by frame.
+    familiarity: what the classifier knows; None to call nothing unknown.
     watch: collects the milliseconds of each stage.
     """
 
@@ -74,6 +76,7 @@ class Pipeline:
     reconstructor: Reconstructor
     classifier: Classifier | None
     key: Key[Array, ""]
+    familiarity: Familiarity | None = None
     watch: Stopwatch = field(default_factory=Stopwatch)
 
     def initial(self, preview: Preview | None = None) -> PipelineState:
@@ -159,22 +162,32 @@ class Pipeline:
                 decimate_in_rig(made.gaussians, made.count, shift, key, self.config.decimation)
             )
         evidence = Evidence(gaussians, self._crops(seen))
-        probabilities, classify = self._classified(evidence, before.classify)
+        probabilities, known, classify = self._classified(evidence, before.classify, record.used)
         position = seen.world_from_crop[:3, 3]
         largest, cut = float(made.shift_m.max()), tuple(int(i) for i in np.flatnonzero(seen.cut))
-        updated = Updated(frames.frame, track.number, position, evidence, seen, probabilities, agreement, largest, cut)
+        updated = Updated(
+            *(frames.frame, track.number, position, evidence, seen, probabilities, agreement, largest, cut, known)
+        )
         return updated, TrackState(frames.frame, classify, record)
 
     def _reconstruct(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, int]:
         found, count = jax.block_until_ready(reconstruct_views(self.reconstructor, views, valid))
         return found, int(count)
 
-    def _classified(self, evidence: Evidence, state: Any) -> tuple[Float32[np.ndarray, "label"] | None, Any]:
+    def _classified(
+        self, evidence: Evidence, state: Any, used: int
+    ) -> tuple[Float32[np.ndarray, "label"] | None, float | None, Any]:
+        """Log-probabilities, the share of known objects as strange after so many used frames, and the next state."""
         if self.classifier is None or not self.classifier.causal:
-            return None, state
+            return None, None, state
         with self.watch.stage("classify"):
-            logits, state = jax.block_until_ready(_classify(self.classifier, evidence, state))
-        return np.asarray(logits), state
+            if self.familiarity is None:
+                logits, state = jax.block_until_ready(_classify(self.classifier, evidence, state))
+                return np.asarray(logits), None, state
+            assert isinstance(self.classifier, Embedding)  # `make_pipeline` has seen to it
+            given = self.classifier, self.familiarity, evidence, state, jnp.asarray(used)
+            logits, share, state = jax.block_until_ready(_classify_known(*given))
+        return np.asarray(logits), float(share), state
 
     def _crops(self, seen: Observation) -> Crops:
         views = seen.views
@@ -198,6 +211,7 @@ def make_pipeline(
     *,
     key: Key[Array, ""],
     object_id: int | None = None,
+    familiarity: Familiarity | None = None,
 ) -> Pipeline:
     """Put the members that the configuration names together.
 
@@ -207,20 +221,26 @@ def make_pipeline(
         classifier: from `load_classifier`; None to reconstruct alone.
         key: seeds the decimation.
         object_id: instance to follow where masks name instances; None to choose the largest.
+        familiarity: of the classifier, from `load_familiarity`; None to call nothing unknown.
 
     Raises:
-        UserError: the configuration contradicts the classifier's card, or that is for other classes.
+        UserError: the configuration contradicts the classifier's card, or that is for other classes; the classifier has
+            no features for a familiarity.
     """
     if classifier is not None:
         classifier.card.require(clip_settings(config))
         if classifier.card.classes != CLASSES:
             problem = f"the classifier {classifier.card.name!r} tells {', '.join(classifier.card.classes)} apart"
             raise UserError("mismatch", problem, f"give weights for {', '.join(CLASSES)}")
+    if familiarity is not None and not isinstance(classifier, Embedding):
+        raise UserError(
+            "mismatch", "the classifier gives no features, by which strange objects are told", "leave it out"
+        )
     world_from_rig = np.asarray(cameras[0].world_from_cam)
     rig_from_world = np.linalg.inv(world_from_rig)
     in_rig = tuple(replace(c, world_from_cam=rig_from_world @ c.world_from_cam) for c in cameras)
     members = config.segment.build(object_id), config.track.build(), config.reconstruct.build()
-    return Pipeline(in_rig, world_from_rig, config, *members, classifier, key)
+    return Pipeline(in_rig, world_from_rig, config, *members, classifier, key, familiarity)
 
 
 @jax.jit
@@ -247,3 +267,11 @@ def decimate_in_rig(
 @jax.jit
 def _classify(classifier: Classifier, seen: Evidence, state: Any) -> tuple[Float[Array, "label"], Any]:
     return classifier.step(seen, jnp.ones((), bool), state)
+
+
+@jax.jit
+def _classify_known(
+    classifier: Embedding, familiarity: Familiarity, seen: Evidence, state: Any, used: Int[Array, ""]
+) -> tuple[Float[Array, "label"], Float[Array, ""], Any]:
+    logits, features, state = classifier.step_features(seen, jnp.ones((), bool), state)
+    return logits, familiarity.share(features, used), state

@@ -1,4 +1,4 @@
-"""Whether an answer may be believed: enough frames, cameras that agree, a probability worth the word; else why not."""
+"""Whether an answer may be believed: enough frames, cameras that agree, a known kind, a probability; else why not."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ _RECENT_S = 0.5
 
 Status = Literal["ok", "unsure", "insufficient"]
 """ok: the label is the answer. unsure: it is the likeliest, no more. insufficient: too little was seen to say that."""
-ReasonCode = Literal["few-frames", "frames-dropped", "few-views", "cameras-disagree", "low-probability"]
-"""Why an answer is not ok: the first two make it insufficient, the others unsure."""
+ReasonCode = Literal["few-frames", "frames-dropped", "few-views", "cameras-disagree", "low-probability", "unfamiliar"]
+"""Why an answer is not the likeliest class: the first two make it insufficient, the last one unknown, others unsure."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,9 @@ class TrustConfig:
     most_disagreement: `Disagreement.level` of cameras that agree.
     most_offset: by which the one camera that is most likely wrong displaces the object, shares of its size.
     least_probability: of the likeliest class; below it the label is wrong more often than right.
+    least_familiarity: share of known objects that look as strange to the classifier, below which an object is called
+        unknown; so it is also the share of known objects that are called unknown, as far as they are like those of the
+        validation families (`measure_unknown` says how far that holds). 0 calls nothing unknown.
     """
 
     least_frames: int = 3
@@ -48,6 +51,7 @@ class TrustConfig:
     most_disagreement: float = 1.3
     most_offset: float = 0.12
     least_probability: float = 0.5
+    least_familiarity: float = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,14 +108,18 @@ class Reason:
 class Verdict:
     """Whether an answer may be believed.
 
-    reasons: none where the status is ok.
+    reasons: none where the likeliest class is the answer.
     disagreement: `Disagreement.level`. suspect: the camera that is wrong, where one can be told.
+    unknown: whether the object is like none of the classes; that is the answer where the status is ok.
+    familiarity: see `TrustConfig`; None where it is not known.
     """
 
     status: Status
     reasons: tuple[Reason, ...]
     disagreement: float
     suspect: Suspect | None = None
+    unknown: bool = False
+    familiarity: float | None = None
 
 
 def judge(
@@ -121,8 +129,11 @@ def judge(
     trust: TrustConfig,
     *,
     fps: float | None = None,
+    familiarity: float | None = None,
 ) -> Verdict:
     """The verdict on what is known so far, of a stream or of a whole clip.
+
+    What is unknown needs no probable class, but frames and cameras as any other answer does.
 
     Args:
         record: of the object.
@@ -130,18 +141,27 @@ def judge(
         log_probabilities: calibrated ones, of the last frame; None without a classifier.
         trust: levels.
         fps: says lateness in frames, too.
+        familiarity: after the last frame, `Updated.familiarity`; None calls nothing unknown.
     """
     reasons = [*_too_little(record, trust), *_too_few_views(record, trust)]
     sums, guess = record.sums, suspect(record.sums)
     displaced = guess is not None and guess.offset_m > trust.most_offset * sums.mean_size
     if inconsistent := sums.level > trust.most_disagreement or displaced:
         reasons.append(Reason("cameras-disagree", _disagreement_text(sums, guess, cameras, fps)))
-    if log_probabilities is not None and (surest := float(np.exp(np.max(log_probabilities)))) < trust.least_probability:
+    unknown = familiarity is not None and familiarity < trust.least_familiarity
+    insufficient = any(reason.code in ("few-frames", "frames-dropped") for reason in reasons)
+    if unknown:
+        text = f"like none of the classes: no more than {familiarity:.1%} of known objects look as strange"
+        reasons.append(Reason("unfamiliar", text))
+    elif (
+        log_probabilities is not None and (surest := float(np.exp(np.max(log_probabilities)))) < trust.least_probability
+    ):
         text = f"the likeliest class has a probability of {surest:.2f}, less than {trust.least_probability:g}"
         reasons.append(Reason("low-probability", text))
-    insufficient = any(reason.code in ("few-frames", "frames-dropped") for reason in reasons)
-    status: Status = "insufficient" if insufficient else "unsure" if reasons else "ok"
-    return Verdict(status, tuple(reasons), sums.level, guess if inconsistent else None)
+    doubts = [reason for reason in reasons if reason.code != "unfamiliar"]
+    status: Status = "insufficient" if insufficient else "unsure" if doubts else "ok"
+    suspected = guess if inconsistent else None
+    return Verdict(status, tuple(reasons), sums.level, suspected, unknown, familiarity)
 
 
 def _too_little(record: Record, trust: TrustConfig) -> list[Reason]:

@@ -30,7 +30,8 @@ def show_answer(console: Console, result: dict[str, Any], capture: Capture, trut
     for name, value in result["latency_ms"].items():
         spent.add_row(name, f"{value:.1f}")
     console.print(spent)
-    known = "" if truth is None else f"; truth: {truth}, {'right' if truth == result['most_likely'] else 'wrong'}"
+    answer = result["label"] or result["most_likely"]
+    known = "" if truth is None else f"; truth: {truth}, {'right' if truth == answer else 'wrong'}"
     console.print(f"frames used: {len(result['frames'])} of {capture.frames}, cameras: {len(capture.cameras)}{known}")
     reasons = {frame: event["text"] for frame, event in result["dropped"].items()}
     for reason in sorted(set(reasons.values())):

@@ -19,7 +19,9 @@ import aerojax.segment.members
 import aerojax.track.members
 from aerojax.capture.format import read_capture
 from aerojax.classify.base import Classifier, untrained
+from aerojax.classify.familiarity import Familiarity
 from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.views.config import ViewsConfig
 from aerojax.core.config import to_dataclass, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.types import Gaussians, Track
@@ -273,3 +275,29 @@ def test_a_member_from_outside_is_chosen_by_its_name(room, member, monkeypatch):
 def test_an_unknown_member_is_named_with_those_known():
     with pytest.raises(UserError, match=r"reconstruct.*ball.*hull"):
         to_dataclass({**to_mapping(SMALL), "reconstruct": {"name": "ball"}}, PipelineConfig)
+
+
+def views_with_familiarity(most):
+    """A classifier of views, and a familiarity whose known objects are at these distances after every frame."""
+    config = ViewsConfig(width=8, hidden=8, view_width=8, d_model=16, layers=1)
+    classifier = untrained(config, tokens=8, frames=8, key=jax.random.key(3))
+    known = jnp.linspace(*most, 9)[None]
+    return classifier, Familiarity(jnp.zeros((1, 4, 16)), jnp.eye(16)[None], known)
+
+
+def test_familiarity_of_a_stream_is_that_of_its_clip():
+    cameras, (classifier, familiarity) = network(), views_with_familiarity((-3.0, 6.0))
+    pipeline = make_pipeline(cameras, replace(SMALL, view_size=16), classifier, key=KEY, familiarity=familiarity)
+    found = [event for event in run(pipeline, frame_sets(cameras, range(5), blind=(2,))) if isinstance(event, Updated)]
+    seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.seen for event in found))
+    logits, features = jax.jit(lambda c, s: c.clip_features(s, jnp.ones(4, bool)))(classifier, seen)
+    shares = [float(familiarity.share(row, 1 + t)) for t, row in enumerate(features)]
+    assert [event.familiarity for event in found] == pytest.approx(shares) and 0 < min(shares) < 1
+    for one, row in zip(found, logits, strict=True):
+        np.testing.assert_allclose(one.log_probabilities, row, atol=1e-5)
+
+
+def test_a_classifier_without_features_knows_nothing_strange(classifier):
+    familiarity = views_with_familiarity((0.0, 1.0))[1]
+    with pytest.raises(UserError, match="gives no features"):
+        make_pipeline(network(), SMALL, classifier, key=KEY, familiarity=familiarity)

@@ -55,6 +55,29 @@ def test_what_is_missing_is_said(record, chances, status, code, words):
     assert words in found.reasons[0].text
 
 
+def test_what_is_unfamiliar_is_unknown_and_that_is_an_answer():
+    found = judge(SEEN, CAMERAS, SURE, TRUST, familiarity=0.004)
+    assert (found.status, found.unknown, found.familiarity) == ("ok", True, 0.004)
+    assert [reason.code for reason in found.reasons] == ["unfamiliar"]
+    assert "no more than 0.4% of known objects look as strange" in found.reasons[0].text
+    familiar = judge(SEEN, CAMERAS, SURE, TRUST, familiarity=0.05)
+    assert (familiar.status, familiar.unknown, familiar.reasons) == ("ok", False, ())
+    assert not judge(SEEN, CAMERAS, SURE, replace(TRUST, least_familiarity=0.0), familiarity=0.004).unknown
+
+
+def test_an_unknown_object_needs_no_probable_class_but_frames_and_cameras():
+    doubtful = np.log(np.float32([0.4, 0.3, 0.2, 0.1]))
+    alone = judge(SEEN, CAMERAS, doubtful, TRUST, familiarity=0.004)
+    assert alone.status == "ok" and [reason.code for reason in alone.reasons] == ["unfamiliar"]
+    known = judge(SEEN, CAMERAS, doubtful, TRUST, familiarity=0.5)
+    assert known.status == "unsure" and [reason.code for reason in known.reasons] == ["low-probability"]
+    short = judge(replace(SEEN, used=2), CAMERAS, SURE, TRUST, familiarity=0.004)
+    assert short.status == "insufficient" and [r.code for r in short.reasons] == ["few-frames", "unfamiliar"]
+    cameras = turned(CAMERAS, 1, (1.2, -1.6, 0.0))
+    strange = judge(run(cameras, FRAMES)[1], cameras, SURE, TRUST, familiarity=0.004)
+    assert strange.status == "unsure" and [r.code for r in strange.reasons] == ["cameras-disagree", "unfamiliar"]
+
+
 def test_two_cameras_are_believed_less():
     def verdict(cameras: int, trust: TrustConfig = TRUST):
         nothing = [np.zeros_like(FRAMES[0].ids[0])] * (4 - cameras)

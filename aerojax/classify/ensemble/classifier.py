@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.base import State, Trainable, with_card
@@ -73,6 +74,24 @@ class EnsembleClassifier:
         """Logits after each frame."""
         logits = jax.vmap(lambda member: member.clip(seen, valid))(self._readers)
         return calibrated_answer(logits, self.card.temperature)
+
+    def step_features(
+        self, seen: Evidence, valid: Bool[Array, ""], state: State
+    ) -> tuple[Float[Array, "label"], Float[Array, "network feature"], State]:
+        """As `step`, with the features of the members, which have to give some."""
+        logits, features, state = jax.vmap(lambda member, own: member.step_features(seen, valid, own))(
+            self._readers, state
+        )
+        return calibrated_answer(logits, self.card.temperature), features.reshape(-1, features.shape[-1]), state
+
+    def clip_features(
+        self, seen: Evidence, valid: Bool[Array, "time"]
+    ) -> tuple[Float[Array, "time label"], Float[Array, "time network feature"]]:
+        """As `clip`, with the features of the members, which have to give some."""
+        logits, features = jax.vmap(lambda member: member.clip_features(seen, valid))(self._readers)
+        each = jnp.moveaxis(features, 0, 1)
+        rows = each.reshape(each.shape[0], -1, each.shape[-1])
+        return calibrated_answer(logits, self.card.temperature), rows
 
     @property
     def _readers(self) -> Trainable:

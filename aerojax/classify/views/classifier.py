@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Key
 
@@ -65,8 +66,23 @@ class ViewsClassifier:
         Raises:
             UserError: the evidence has no crops, or more than the state has room for.
         """
-        logits, state = self.network.step(*counted(seen.crops, valid), state)
-        return calibrated_answer(logits[None], self.card.temperature), state
+        logits, _, state = self.step_features(seen, valid, state)
+        return logits, state
+
+    def step_features(
+        self, seen: Evidence, valid: Bool[Array, ""], state: ViewsState
+    ) -> tuple[Float[Array, "label"], Float[Array, "network feature"], ViewsState]:
+        """The same with the mean of what the layers over time gave, of the only network.
+
+        The head reads the frames' deviation, too, but of it the training clips have a long tail, beside which nothing
+        looks strange.
+
+        Raises:
+            UserError: as `step`.
+        """
+        read, state = self.network.advance(*counted(seen.crops, valid), state)
+        logits = calibrated_answer(self.network.head(read)[None], self.card.temperature)
+        return logits, read[None, : self.network.config.d_model], state
 
     def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
         """Logits after each frame.
@@ -74,8 +90,19 @@ class ViewsClassifier:
         Raises:
             UserError: the evidence has no crops.
         """
-        logits = self.network.prefixes(*counted(seen.crops, valid))
-        return calibrated_answer(logits[None], self.card.temperature)
+        return self.clip_features(seen, valid)[0]
+
+    def clip_features(
+        self, seen: Evidence, valid: Bool[Array, "time"]
+    ) -> tuple[Float[Array, "time label"], Float[Array, "time network feature"]]:
+        """The same with features, as `step_features` has them.
+
+        Raises:
+            UserError: the evidence has no crops.
+        """
+        read = self.network.readouts(*counted(seen.crops, valid))[0]
+        logits = calibrated_answer(jax.vmap(self.network.head)(read)[None], self.card.temperature)
+        return logits, read[:, None, : self.network.config.d_model]
 
 
 def counted(

@@ -105,12 +105,6 @@ class ViewsNetwork(nnx.Module):
         read_key, head_key = (None, None) if key is None else jax.random.split(key)
         return self.head(self.readouts(rgba, valid, key=read_key)[0][-1], key=head_key)
 
-    def prefixes(
-        self, rgba: Float[Array, "time view size size 4"], valid: Bool[Array, "time view"]
-    ) -> Float[Array, "time label"]:
-        """Logits after each frame, all from one pass over the clip."""
-        return jax.vmap(self.head)(self.readouts(rgba, valid)[0])
-
     def readouts(
         self,
         rgba: Float[Array, "time view size size 4"],
@@ -158,21 +152,14 @@ class ViewsNetwork(nnx.Module):
         seen = jnp.zeros(MOST_VIEWS, bool)
         return ViewsState(before, seen, self.temporal.initial_state(), sums, jnp.zeros((), kind))
 
-    def step(
+    def advance(
         self, rgba: Float[Array, "view size size 4"], valid: Bool[Array, "view"], state: ViewsState
-    ) -> tuple[Float[Array, "label"], ViewsState]:
-        """Logits after one more frame of a stream; equal to those of all frames so far as one clip.
+    ) -> tuple[Float[Array, "twice_width"], ViewsState]:
+        """What the head reads after one more frame of a stream; equal to `readouts` of all frames so far.
 
         Raises:
             UserError: more cameras than `MOST_VIEWS`.
         """
-        read, state = self.advance(rgba, valid, state)
-        return self.head(read), state
-
-    def advance(
-        self, rgba: Float[Array, "view size size 4"], valid: Bool[Array, "view"], state: ViewsState
-    ) -> tuple[Float[Array, "twice_width"], ViewsState]:
-        """What the head reads after one more frame; as `step`."""
         if (views := valid.shape[0]) > MOST_VIEWS:
             raise UserError("mismatch", f"{views} cameras, but a stream remembers {MOST_VIEWS}", "leave some out")
         now, valid = self._look(rgba[None], valid[None])

@@ -80,7 +80,7 @@ class CameraAgreement:
 class ClassificationReport:
     """All that the page shows.
 
-    title: name of the capture. label: the likeliest class, the answer where `status` is ok.
+    title: name of the capture. label: the likeliest class or "unknown", the answer where `status` is ok.
     truth: the right answer where it is known.
     probabilities: final ones, 0..1, by class name.
     frames: the frames used, ascending. dropped: reason by frame number.
@@ -88,7 +88,7 @@ class ClassificationReport:
     fps: frames a second.
     rig: the cameras.
     notes: sentences to show at the end. made_by: version and weights, by name.
-    status: whether the label may be believed; if not, `reasons` say why.
+    status: whether the label may be believed; if not, or if it is "unknown", `reasons` say why.
     warnings: sentences that the reader should know first.
     agreement: of the cameras.
     """

@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Float, Float64
 
 from aerojax.capture.format import Capture, CaptureCamera
-from aerojax.core.types import CLASSES, SH_C0, Gaussians, Observation
+from aerojax.core.types import CLASSES, SH_C0, UNKNOWN, Gaussians, Observation
 from aerojax.gaussians.rotate import transform
 from aerojax.view.report.content import CameraAgreement, CameraCrop, ClassificationReport, FrameReport, Status
 from aerojax.view.viewer.content import Lens, SceneCamera, Splats
 
-_NONE: Mapping[str, Any] = {"reasons": (), "warnings": (), "cameras": {}}
+_NONE: Mapping[str, Any] = {"label": None, "reasons": (), "warnings": (), "cameras": {}}
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,7 @@ class Answer:
 def classification_report(capture: Capture, answer: Answer) -> ClassificationReport:
     """Gather frames, Gaussians and figures of the page."""
     probabilities = dict(zip(CLASSES, answer.so_far[-1].tolist(), strict=True))
+    likeliest = max(probabilities, key=lambda name: probabilities[name])
     frames = tuple(
         FrameReport(
             frame=seen.frame,
@@ -71,7 +72,7 @@ def classification_report(capture: Capture, answer: Answer) -> ClassificationRep
     suspects = {one.camera for one in agreement if one.suspect}
     return ClassificationReport(
         title=capture.folder.resolve().name,
-        label=max(probabilities, key=lambda name: probabilities[name]),
+        label=UNKNOWN if answer.result["label"] == UNKNOWN else likeliest,
         probabilities=probabilities,
         truth=answer.truth,
         frames=frames,

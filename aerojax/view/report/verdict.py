@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import html
 
+from aerojax.core.types import UNKNOWN
 from aerojax.view.report.content import ClassificationReport
 
-UNKNOWN = "unknown"
-"""Label of an object that is none of the classes."""
 _STATUS = {
     "ok": ("✓", "ok", "the label may be believed"),
     "unsure": ("?", "unsure", "the label is the likeliest, no more"),
@@ -31,7 +30,7 @@ def verdict(report: ClassificationReport) -> str:
         reasons = "".join(f"<li>{html.escape(reason)}</li>" for reason in report.reasons)
         lines.append(f'<ul class="doubts">{reasons}</ul>')
     if report.truth is not None:
-        lines.append(_truth(report, claimed=status == "ok"))
+        lines.append(_truth(report, claimed=status in ("ok", UNKNOWN)))
     return "".join(lines)
 
 

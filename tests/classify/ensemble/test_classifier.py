@@ -7,11 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.clip_examples import random_clip
+from support.crop_examples import random_crops
 
-from aerojax.classify.base import Trainable, untrained, with_card
+from aerojax.classify.base import Embedding, Trainable, untrained, with_card
 from aerojax.classify.ensemble.config import EnsembleConfig
 from aerojax.classify.load import load_classifier, save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
+from aerojax.classify.views.config import ViewsConfig
 from aerojax.core.errors import UserError
 from aerojax.core.types import Evidence, Gaussians
 
@@ -56,6 +58,25 @@ def test_a_stream_is_the_clip(ensemble):
         logits, state = step(jax.tree.map(lambda leaf, t=t: leaf[t], seen), valid[t], state)
         rows.append(logits)
     np.testing.assert_allclose(np.stack(rows), read(ensemble, seen, valid), atol=1e-5)
+
+
+def test_features_of_a_stream_are_those_of_the_clip_and_leave_the_answer_as_it_is():
+    small = ViewsConfig(width=8, hidden=8, view_width=8, d_model=16, layers=1)
+    views = untrained(EnsembleConfig(member=small, size=2), tokens=8, frames=TIME, key=jax.random.key(0))
+    assert isinstance(views, Embedding)
+    crops = random_crops(0, time=TIME, views=3)
+    seen = Evidence(Gaussians.from_columns(jnp.ones((TIME, 4, 14))), crops)
+    valid = jnp.array([False, True, False, True])
+    logits, features = jax.jit(lambda c, s, v: c.clip_features(s, v))(views, seen, valid)
+    assert features.shape == (TIME, 2, 16) and not features[0].any()  # nothing was seen yet
+    np.testing.assert_array_equal(features[2], features[1])
+    assert np.abs(features[1, 0] - features[1, 1]).max() > 1e-3  # each member has its own
+    np.testing.assert_allclose(logits, read(views, seen, valid), atol=1e-6)
+    state, step = views.initial(), jax.jit(lambda *inputs: views.step_features(*inputs))
+    for t in range(TIME):
+        one, own, state = step(jax.tree.map(lambda leaf, t=t: leaf[t], seen), valid[t], state)
+        np.testing.assert_allclose(own, features[t], atol=1e-4)  # roots near zero
+        np.testing.assert_allclose(one, logits[t], atol=1e-5)
 
 
 def test_every_member_learns_from_its_own_head(ensemble):

@@ -1,0 +1,145 @@
+"""Whether a classifier knows the like of what it sees: distance of its features from those of its training clips.
+
+The features of each class are taken for normal with a mean of their own and one covariance (Lee, Lee, Lee & Shin 2018,
+"A simple unified framework for detecting out-of-distribution samples"); the distance is the logarithm of the nearest
+class's squared Mahalanobis distance, averaged over the networks of an ensemble. It becomes a share by comparison with
+known objects of other families: the conformal p-value (Vovk, Gammerman & Shafer 2005; Bates et al. 2023), which is
+below a level for that share of known objects, as far as they are like those compared with.
+
+What is fitted lies beside the weights that it belongs to, in `<stem>.familiarity.safetensors`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from aerojax.classify.load import shipped_name
+from aerojax.core.errors import UserError
+from aerojax.core.files import sha256_of_file
+from aerojax.core.tensors import filled, read_tensors, write_tensors
+from aerojax.core.types import pytree_dataclass
+
+SUFFIX = ".familiarity.safetensors"
+SHRINKAGE = 0.1
+"""Of the mean variance, added to the covariance's diagonal; 0.01 to 0.3 tell validation outliers apart as well."""
+_ARRAYS = ("mean", "whitening", "known")
+
+
+@pytree_dataclass
+class Familiarity:
+    """What is remembered of the training clips and of known objects to compare with.
+
+    mean: of each class's features. whitening: of features about them, rows times this have unit covariance.
+    known: distances of validation clips after their first, second, … frame, in ascending order.
+    """
+
+    mean: Float[Array, "network class feature"]
+    whitening: Float[Array, "network feature feature"]
+    known: Float[Array, "length clip"]
+
+    def distance(self, features: Float[Array, "network feature"]) -> Float[Array, ""]:
+        """From the nearest class, logarithmic, mean over the networks; see `Embedding` for the features."""
+        apart = jnp.einsum("ncf,nfg->ncg", features[:, None] - self.mean, self.whitening)
+        nearest = jnp.min(jnp.sum(apart * apart, axis=-1), axis=-1)
+        return jnp.mean(jnp.log(jnp.maximum(nearest, 1e-12)))
+
+    def share(self, features: Float[Array, "network feature"], frames: Int[Array, ""] | int) -> Float[Array, ""]:
+        """The share of known objects that look as strange after so many frames, above 0 and at most 1.
+
+        Args:
+            features: after the last frame.
+            frames: that counted for them; beyond the longest known clips those count.
+        """
+        known = self.known[jnp.clip(jnp.asarray(frames) - 1, 0, self.known.shape[0] - 1)]
+        farther = jnp.sum(known >= self.distance(features))
+        return (1 + farther).astype(self.known.dtype) / (known.shape[0] + 1)
+
+
+def fit_familiarity(
+    features: Float[np.ndarray, "clip network feature"],
+    label: Int[np.ndarray, "clip"],
+    known: Float[np.ndarray, "known time network feature"],
+    present: Bool[np.ndarray, "known time"],
+) -> Familiarity:
+    """Fit class means and their covariance, and measure the distances of known objects.
+
+    Args:
+        features: of whole training clips. label: their classes, all of which occur.
+        known: features of validation clips after each frame. present: frames that count, the first ones of a clip; a
+            clip that ends is compared by its last frame with longer ones.
+    """
+    x = features.astype(np.float64)
+    mean = np.stack([x[label == one].mean(axis=0) for one in range(int(label.max()) + 1)], axis=1)
+    whitening = np.stack([_whitening(x[:, n] - mean[n, label]) for n in range(x.shape[1])])
+    empty = Familiarity(_single(mean), _single(whitening), jnp.zeros((1, 1)))
+    distance = np.asarray(jax.jit(jax.vmap(jax.vmap(empty.distance)))(_single(known)))
+    last = np.maximum(present.sum(axis=1) - 1, 0)
+    index = np.minimum(np.arange(known.shape[1])[:, None], last[None])
+    return Familiarity(empty.mean, empty.whitening, _single(np.sort(distance.T[index, np.arange(len(last))], axis=1)))
+
+
+def _whitening(apart: Float[np.ndarray, "clip feature"]) -> Float[np.ndarray, "feature feature"]:
+    covariance = apart.T @ apart / len(apart)
+    covariance += SHRINKAGE * np.trace(covariance) / len(covariance) * np.eye(len(covariance))
+    return np.linalg.cholesky(np.linalg.inv(covariance))
+
+
+def _single(values: np.ndarray) -> Float[Array, "..."]:
+    return jnp.asarray(values, jnp.float32)
+
+
+def familiarity_path(weights: Path) -> Path:
+    """Where the familiarity of weights lies."""
+    return weights.with_name(weights.name.removesuffix(".safetensors") + SUFFIX)
+
+
+def save_familiarity(weights: Path, familiarity: Familiarity, record: Mapping[str, Any]) -> Path:
+    """Write it beside the weights that its features came from; return where.
+
+    Args:
+        weights: the classifier's file, which it is bound to by its hash.
+        familiarity: of that classifier.
+        record: JSON-ready, of what made it and how good it is.
+    """
+    header = {"weights": sha256_of_file(weights), "record": json.dumps(dict(record))}
+    path = familiarity_path(weights)
+    write_tensors(path, familiarity, header)
+    return path
+
+
+def load_familiarity(weights: Path | None = None) -> Familiarity | None:
+    """What lies beside the weights of a classifier; None where nothing does, so that nothing is called unknown.
+
+    Args:
+        weights: as for `load_classifier`.
+
+    Raises:
+        UserError: it belongs to other weights, or is broken.
+    """
+    if (name := shipped_name(weights)) is not None:
+        with as_file(files("aerojax.classify") / "pretrained") as folder:
+            return load_familiarity(folder / name)
+    assert weights is not None  # no weights are those that are shipped
+    path = familiarity_path(weights)
+    if not path.is_file():
+        return None
+    tensors, header = read_tensors(path)
+    if header.get("weights") != sha256_of_file(weights):
+        problem = f"{path} was fitted to other weights than {weights}"
+        raise UserError("mismatch", problem, "fit it again with experiments.fit_familiarity, or delete it")
+    shapes = {name: tensors[name].shape for name in _ARRAYS if name in tensors}
+    networks, _, width = shapes.get("mean", (0, 0, 0)) if len(shapes.get("mean", ())) == 3 else (0, 0, 0)
+    fits = shapes.get("whitening") == (networks, width, width) and len(shapes.get("known", ())) == 2
+    if not networks or not fits:
+        raise UserError("invalid", f"{path} does not hold means, whitening and known distances", "fit it again")
+    expected = jax.eval_shape(lambda: Familiarity(*(jnp.zeros(shapes[name]) for name in _ARRAYS)))
+    return filled(expected, tensors, path, whose="a familiarity")
