@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ from hydra.types import RunMode
 from omegaconf import DictConfig
 from rich.console import Console
 
+from aerojax.core.files import write_text
 from aerojax.evaluate.comparison import write_table
+from aerojax.view.comparison import comparison_svg
 
 
 class SweepTable(Callback):
@@ -27,6 +30,9 @@ class SweepTable(Callback):
         console = Console()
         console.print(write_table(folder, _command(config)), markup=False, soft_wrap=True)
         console.print(str(folder / "table.md"), soft_wrap=True)
+        rows = json.loads(path.read_text())["rows"] if (path := folder / "table.json").is_file() else []
+        if rows and "tests" in rows[0]:
+            write_text(folder / "table.svg", comparison_svg(rows))
 
 
 def _command(config: DictConfig) -> str:
