@@ -80,11 +80,10 @@ def shuffled_frames(clips: ClipSet, *, seed: int) -> ClipSet:
     """The same clips with their present frames in a random order, the absent ones staying last."""
     key = np.random.default_rng(seed).random(clips.present.shape) + ~clips.present
     order, each = np.argsort(key, axis=1), np.arange(len(clips.label))[:, None]
-    views = {
-        name: None if getattr(clips, name) is None else getattr(clips, name)[each, order]
-        for name in ("crops", "crop_valid")
-    }
-    return replace(clips, columns=clips.columns[each, order], present=clips.present[each, order], **views)
+    crops = None if clips.crops is None else clips.crops[each, order]
+    valid = None if clips.crop_valid is None else clips.crop_valid[each, order]
+    columns, present = clips.columns[each, order], clips.present[each, order]
+    return replace(clips, columns=columns, present=present, crops=crops, crop_valid=valid)
 
 
 def temporal_answers(

@@ -36,7 +36,7 @@ def comparison_svg(rows: Sequence[Mapping[str, Any]]) -> str:
     return f'{head} aria-label="accuracy of each row">{style}{"".join(parts)}{label}</svg>\n'
 
 
-def _grid(bottom: float) -> str:
+def _grid(bottom: int) -> str:
     parts = []
     for share in _TICKS:
         x = _x(share)
