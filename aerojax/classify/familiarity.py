@@ -76,6 +76,9 @@ def fit_familiarity(
         features: of whole training clips. label: their classes, all of which occur.
         known: features of validation clips after each frame. present: frames that count, the first ones of a clip; a
             clip that ends is compared by its last frame with longer ones.
+
+    Raises:
+        UserError: the clips of each class have the same features.
     """
     x = features.astype(np.float64)
     mean = np.stack([x[label == one].mean(axis=0) for one in range(int(label.max()) + 1)], axis=1)
@@ -89,6 +92,9 @@ def fit_familiarity(
 
 def _whitening(apart: Float[np.ndarray, "clip feature"]) -> Float[np.ndarray, "feature feature"]:
     covariance = apart.T @ apart / len(apart)
+    if not np.trace(covariance) > 0:
+        problem = "the training clips of each class have the same features"
+        raise UserError("invalid", problem, "give several different clips of a class")
     covariance += SHRINKAGE * np.trace(covariance) / len(covariance) * np.eye(len(covariance))
     return np.linalg.cholesky(np.linalg.inv(covariance))
 

@@ -129,7 +129,7 @@ def alarms(
             "recall": float(called["known"][mine].mean()),
             "other_classes": float(called["known"][~mine].mean()),
             "outliers": float(called["strange"].mean()),
-            "recall_at_rate": {str(rate): recall_at(score["known"][mine], negative, rate) for rate in RATES},
+            "recall_at_rate": {f"{rate:.0%}": recall_at(score["known"][mine], negative, rate) for rate in RATES},
         }
     return found
 

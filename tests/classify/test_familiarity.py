@@ -91,6 +91,8 @@ def test_clips_that_end_are_compared_by_their_last_frame():
     assert (np.diff(rows, axis=1) >= 0).all()
     np.testing.assert_allclose(rows[0], rows[0, 0], rtol=1e-6)
     assert rows.max() < 10
+    with pytest.raises(UserError, match="the same features"):
+        fit_familiarity(features[:CLASSES], label[:CLASSES], known, present)
 
 
 def test_it_lies_beside_the_weights_that_it_belongs_to(tmp_path):

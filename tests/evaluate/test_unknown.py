@@ -64,8 +64,8 @@ def test_false_alarms_fall_where_strange_things_are_unknown():
     plain, with_unknown = found["plain"], found["with_unknown"]
     assert (plain["recall"], plain["other_classes"]) == (1.0, 0.5) and plain["outliers"] == pytest.approx(2 / 3)
     assert with_unknown["recall"] == 1.0 and with_unknown["other_classes"] == with_unknown["outliers"] == 0.0
-    assert plain["recall_at_rate"]["0.05"] == 0.0  # the strangest is the likeliest drone of all
-    assert with_unknown["recall_at_rate"]["0.05"] == 1.0
+    assert plain["recall_at_rate"]["5%"] == 0.0  # the strangest is the likeliest drone of all
+    assert with_unknown["recall_at_rate"]["5%"] == 1.0
 
 
 def test_sets_join_in_order():
