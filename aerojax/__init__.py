@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from aerojax.capture.format import Capture, CaptureCamera, read_capture, rotate_world
     from aerojax.capture.frames import read_frames
+    from aerojax.classify.familiarity import load_familiarity
     from aerojax.classify.load import load_classifier, save_classifier
     from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
     from aerojax.classify.mambasplat.model import MambaSplat
@@ -36,6 +37,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "aerojax.capture.format": ("Capture", "CaptureCamera", "read_capture", "rotate_world"),
     "aerojax.capture.frames": ("read_frames",),
+    "aerojax.classify.familiarity": ("load_familiarity",),
     "aerojax.classify.load": ("load_classifier", "save_classifier"),
     "aerojax.classify.mambasplat.config": ("MambaSplatConfig", "published_config"),
     "aerojax.classify.mambasplat.model": ("MambaSplat",),
