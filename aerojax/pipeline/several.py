@@ -77,6 +77,7 @@ def classify_tracks(
     """
     counts: Counter[int] = Counter()
     last: dict[int, Float32[np.ndarray, "label"]] = {}
+    familiar: dict[int, float | None] = {}
     records: dict[int, Record] = {}
     moments: list[Believed] = []
     state = pipeline.initial(preview)
@@ -85,14 +86,16 @@ def classify_tracks(
         for event in events:
             if isinstance(event, Updated) and event.log_probabilities is not None:
                 counts[event.track] += 1
-                last[event.track] = event.log_probabilities
+                last[event.track], familiar[event.track] = event.log_probabilities, event.familiarity
         records |= {number: one.record for number, one in state.objects.items()}
         if isinstance(state.track, SeveralState):
             moments.append(_believed(frames.frame, state.track, pipeline.world_from_rig))
-    answers = {
-        number: TrackAnswer(counts[number], said, judge(records[number], pipeline.cameras, said, trust, fps=fps))
-        for number, said in last.items()
-    }
+    answers = {}
+    for number, said in last.items():
+        known = {"fps": fps, "familiarity": familiar[number]}
+        answers[number] = TrackAnswer(
+            counts[number], said, judge(records[number], pipeline.cameras, said, trust, **known)
+        )
     return TracksOfRecording(tuple(moments), answers)
 
 
