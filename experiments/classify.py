@@ -11,13 +11,14 @@ import numpy as np
 from rich.console import Console
 
 from aerojax import __version__
-from aerojax.capture.format import Capture, read_capture
+from aerojax.capture.format import read_capture
 from aerojax.classify.card import Card
 from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
+from aerojax.evaluate.saliency import explanation
 from aerojax.pipeline.config import PipelineConfig
-from aerojax.pipeline.exports.export import ExportName, export_clip, require_exports
+from aerojax.pipeline.exports.export import ExportName, require_exports
 from aerojax.pipeline.offline import Clip, reconstruct_capture
 from aerojax.pipeline.results import result_of
 from aerojax.pipeline.trust import TrustConfig
@@ -26,6 +27,7 @@ from aerojax.view.report.gather import Answer, classification_report, weights_na
 from aerojax.view.report.page import write_report
 from experiments._launch.answer_screen import show_answer
 from experiments._launch.command import Run, experiment
+from experiments._launch.exports import export_with_bar
 from experiments._launch.progress import progress_bar
 
 
@@ -41,6 +43,7 @@ class Config:
     export: what to take along, into export/: ply and usd (Gaussians), csv and jsonl (track), coco (masks and boxes in
         the images), video (overlays and a mosaic), sapient (detection reports; the capture needs an origin).
     began: time of frame 0 in exports that need one, ISO 8601.
+    explain: also say which frames and Gaussians the answer stands on, in the report and in explanation.json.
     """
 
     preset: str
@@ -54,9 +57,12 @@ class Config:
     sample: SampleConfig = field(default_factory=SampleConfig)
     export: tuple[ExportName, ...] = ()
     began: str = "1970-01-01T00:00:00Z"
+    explain: bool = False
 
 
-def _answer(clip: Clip, result: dict[str, Any], truth: str | None, card: Card) -> Answer:
+def _answer(
+    clip: Clip, result: dict[str, Any], truth: str | None, card: Card, explained: dict[str, Any] | None
+) -> Answer:
     assert clip.log_probabilities is not None  # there was a classifier
     return Answer(
         observations=clip.observations,
@@ -68,21 +74,9 @@ def _answer(clip: Clip, result: dict[str, Any], truth: str | None, card: Card) -
         truth=truth,
         status=result["status"],
         result=result,
+        explanation=explained,
         made_by={"aerojax": __version__, **weights_named(card.name, card.member, card.record)},
     )
-
-
-def _export(capture: Capture, clip: Clip, config: Config, folder: Path) -> dict[str, Path]:
-    with progress_bar() as bar:
-        task = bar.add_task("export", total=None)
-        return export_clip(
-            capture,
-            clip,
-            config.export,
-            folder,
-            began=config.began,
-            progress=lambda done, total, what: bar.update(task, completed=done, total=total, description=what),
-        )
 
 
 @experiment(Config)
@@ -106,10 +100,13 @@ def main(config: Config, run: Run) -> None:
         )
     truth = capture.true_class(config.object)
     result = result_of(capture, clip)
-    answer = _answer(clip, result, truth, classifier.card)
+    explained = explanation(classifier, clip.seen, seed=config.seed) if config.explain else None
+    answer = _answer(clip, result, truth, classifier.card, explained)
     write_json(run.directory / "result.json", result)
     write_report(run.directory / "report.html", classification_report(capture, answer))
-    taken = _export(capture, clip, config, run.directory / "export") if config.export else {}
+    taken = export_with_bar(capture, clip, config.export, run.directory / "export", began=config.began)
+    if explained is not None:
+        write_json(taken.setdefault("explanation", run.directory / "explanation.json"), explained)
     console = Console()
     show_answer(console, result, capture, truth)
     written = [run.directory / "result.json", run.directory / "report.html", *taken.values()]

@@ -16,10 +16,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from aerojax.classify.base import Classifier, with_card
-from aerojax.core.types import Crops, Evidence, Gaussians
+from aerojax.core.types import Crops, Evidence
 
 SHARES = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9)
 """Of the Gaussians, deleted or kept."""
+LONGEST = 32
+"""Frames that are explained; deleting one after the other asks the classifier once for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,29 +144,30 @@ def _probability(classifier: Classifier, seen: Evidence, valid: Array, label: in
     return float(_probabilities(classifier, seen, valid)[label])
 
 
-def explanation(
-    classifier: Classifier, gaussians: Gaussians, crops: Crops | None, valid: Bool[Array, "time"], *, seed: int = 0
-) -> dict[str, Any]:
-    """Saliency of a clip and its check, JSON-ready.
+def explanation(classifier: Classifier, clip: Evidence, *, seed: int = 0) -> dict[str, Any]:
+    """Saliency of the end of a clip and its check, JSON-ready.
 
     Args:
-        classifier: any member that reads whole clips; asked with one subset of tokens, so that the check deletes what
-            is read.
-        gaussians: of the clip, leading axis time. crops: of it where the classifier reads any.
-        valid: frames that count.
+        classifier: any member, asked with one subset of tokens, so that the check deletes what is read.
+        clip: Gaussians, and crops where the classifier reads any; leading axis time. Of more than `LONGEST` frames the
+            last ones are explained.
         seed: of the random scores that the curves are held against.
 
     Returns:
-        `frames` (saliency of each) and `without_frames`; `gaussians` (saliency of each in each frame) and the curves
-        `deletion`, `insertion` and `random` by `shares`, for a classifier that reads Gaussians.
+        `frames` (saliency of each, the last one's at the end) and `without_frames`; `gaussians` (saliency of each in
+        each frame) and the curves `deletion`, `insertion` and `random` by `shares`, for a classifier that reads
+        Gaussians.
     """
     one, tokens = with_card(classifier, token_ensembles=1), classifier.card.tokens
-    seen = Evidence(jax.tree.map(lambda leaf: leaf[:, :tokens], gaussians), crops)
+    last = jax.tree.map(lambda leaf: leaf[-LONGEST:], clip)
+    seen = replace(last, gaussians=jax.tree.map(lambda leaf: leaf[:, :tokens], last.gaussians))
+    seen = seen if classifier.reads_crops else replace(seen, crops=None)
+    valid = jnp.ones(len(seen.gaussians.mean), bool)
     found = saliency_of(one, seen, valid)
-    chance = np.random.default_rng(seed).random(found.gaussians.shape)
     result: dict[str, Any] = {"label": found.label, "probability": found.probability, "frames": found.frames.tolist()}
     result["without_frames"] = frame_curve(one, seen, valid, found.frames, found.label).tolist()
     if found.gaussians.any():
+        chance = np.random.default_rng(seed).random(found.gaussians.shape)
         kept = [1.0 - share for share in SHARES]
         scores = {"deletion": (found.gaussians, SHARES, True), "insertion": (found.gaussians, kept, False)}
         scores["random"] = (chance, SHARES, True)

@@ -99,7 +99,7 @@ def test_training_writes_weights_that_read_back(trained, clips):
 @pytest.mark.slow
 def test_the_sample_is_classified_with_those_weights(trained, place, monkeypatch, capsys):
     where = (f"sample.folder={place}/samples", f"assets={place}/assets", f"hydra.run.dir={place}/classify")
-    run_command(classify, monkeypatch, "preset=smoke", f"weights={trained}/weights.safetensors", *where)
+    run_command(classify, monkeypatch, "preset=smoke", "explain=true", f"weights={trained}/weights.safetensors", *where)
     result = json.loads((place / "classify/result.json").read_text())
     assert set(result["probabilities"]) == set(CLASSES)
     assert result["most_likely"] == max(result["probabilities"], key=result["probabilities"].get)
@@ -108,7 +108,10 @@ def test_the_sample_is_classified_with_those_weights(trained, place, monkeypatch
     truth = json.loads((Path(result["capture"]) / "truth.json").read_text())["objects"][0]["frames"]
     for row in result["track"]:
         assert np.linalg.norm(np.array(row["position"]) - truth[row["frame"]]["position"]) < 0.3
+    explained = json.loads((place / "classify/explanation.json").read_text())
+    assert len(explained["frames"]) == len(result["frames"]) and explained["label"] in range(len(CLASSES))
     page = (place / "classify/report.html").read_text()
+    assert "Frames that it stands on" in page
     assert "<html" in page and "http://" not in page.replace("http://www.w3.org", "")
     assert "truth: drone" in capsys.readouterr().out
     shutil.rmtree(place / "samples")

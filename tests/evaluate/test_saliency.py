@@ -68,8 +68,8 @@ def test_what_is_deleted_is_replaced_by_what_is_left():
 
 
 def test_an_explanation_begins_with_the_answer(classifier):
-    found = explanation(classifier, clip(), None, VALID)
-    assert found["shares"] == list(SHARES) and len(found["without_frames"]) == 2
+    found = explanation(classifier, Evidence(clip()))
+    assert found["shares"] == list(SHARES) and len(found["without_frames"]) == TIME
     for curve in ("deletion", "random", "without_frames"):
         assert found[curve][0] == pytest.approx(found["probability"], abs=1e-5)
     assert found["insertion"][0] != pytest.approx(found["probability"], abs=1e-5)  # one Gaussian a frame is left

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, UInt8
@@ -91,6 +91,7 @@ class ClassificationReport:
     status: whether the label may be believed; if not, or if it is "unknown", `reasons` say why.
     warnings: sentences that the reader should know first.
     agreement: of the cameras.
+    explanation: what the answer stands on, see `evaluate.saliency.explanation`; None if it was not asked for.
     """
 
     title: str
@@ -108,3 +109,4 @@ class ClassificationReport:
     reasons: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     agreement: tuple[CameraAgreement, ...] = ()
+    explanation: Mapping[str, Any] | None = None

@@ -36,6 +36,7 @@ class Answer:
     status: whether the likeliest class is the answer.
     result: see `pipeline.results.result_of`, of which reasons, warnings and agreement are shown.
     made_by: by name, the version of this package and what `weights_named` says.
+    explanation: see `ClassificationReport`.
     """
 
     observations: Sequence[Observation]
@@ -48,6 +49,7 @@ class Answer:
     status: Status = "ok"
     result: Mapping[str, Any] = field(default_factory=lambda: _NONE)
     made_by: Mapping[str, str] = field(default_factory=dict)
+    explanation: Mapping[str, Any] | None = None
 
 
 def classification_report(capture: Capture, answer: Answer) -> ClassificationReport:
@@ -86,6 +88,7 @@ def classification_report(capture: Capture, answer: Answer) -> ClassificationRep
         reasons=tuple(reason["text"] for reason in answer.result["reasons"]),
         warnings=tuple(answer.result["warnings"]),
         agreement=agreement,
+        explanation=answer.explanation,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from aerojax.core.files import write_text
 from aerojax.view.report.agreement import agreement_table
 from aerojax.view.report.content import ClassificationReport
+from aerojax.view.report.explanation import explanation_cards
 from aerojax.view.report.findings import findings
 from aerojax.view.report.pictures import player_section
 from aerojax.view.report.player import Step, as_script, player_data, plot_step, shown_steps, steps_of
@@ -68,6 +69,7 @@ def _plots(report: ClassificationReport) -> str:
     cards = {
         "Track from above": top_view(positions),
         "Height": height_curve([frame.frame for frame in plotted], positions[:, 2].tolist()),
+        **explanation_cards(report),
     }
     return "".join(f'<section class="card"><h2>{name}</h2>{body}</section>' for name, body in cards.items())
 

@@ -219,3 +219,15 @@ def test_long_captures_stay_below_four_megabytes(tmp_path, frames, cameras):
     assert (f"shows {len(shown)} of {frames} frames" in page.visible()) == (len(shown) < frames)
     places = re.search(r'data-at="([^"]*)"', text)[1].split(" ")
     assert max(step["index"] for step in shown) < len(places)
+
+
+def test_an_explanation_is_shown_where_it_was_asked_for(tmp_path):
+    found = {"label": 1, "probability": 0.9, "frames": [1.0, 3.0], "without_frames": [0.9, 0.4]}
+    frames = (make_frame(0), make_frame(1), make_frame(4))
+    text, page = write(tmp_path, make_report(frames, explanation=found))
+    assert "Frames that it stands on" in page.visible() and "Gaussians that it stands on" not in page.visible()
+    assert "saliency of frames" in text
+    curves = {"shares": [0.0, 0.5], "deletion": [0.9, 0.1], "insertion": [0.2, 0.9], "random": [0.9, 0.7]}
+    _, page = write(tmp_path, make_report(frames, explanation={**found, **curves}))
+    assert "Gaussians that it stands on" in page.visible() and "without the most salient" in page.visible()
+    assert "stands on" not in write(tmp_path, make_report(frames))[1].visible()
