@@ -12,6 +12,7 @@ NAMES = sorted(p.stem for p in CONF_DIR.glob("*.yaml") if p.stem != "base")
 REQUIRED = {
     "calibrate": ("videos=videos",),
     "classify_folder": ("captures=captures",),
+    "fit_familiarity": ("weights=weights.safetensors",),
     "fit_gaussians": ("capture=capture",),
     "export_dataset": ("dataset=dataset", "format=[coco,yolo]", "out=out"),
     "import_cameras": ("source=source", "out=out"),
@@ -22,6 +23,7 @@ REQUIRED = {
     "import_msr_action": ("source=source", "out=out"),
     "import_reconstructor": ("checkpoint=a.pt", "out=a.safetensors"),
     "import_replicator": ("recording=recording", "out=out", "fps=30"),
+    "serve": ("capture=capture",),
     "track": ("source=source",),
 }
 """Values without a default, by act."""

@@ -1,0 +1,1 @@
+"""Where messages go: lines of JSON, a page with metrics, brokers."""

@@ -1,0 +1,1 @@
+"""Where pictures come from: folders that grow, recordings that are played, streams of network cameras."""
