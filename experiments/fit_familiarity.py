@@ -12,10 +12,11 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.classify.base import Embedding
+from aerojax.classify.card_markdown import familiarity_markdown
 from aerojax.classify.familiarity import Familiarity, familiarity_path, fit_familiarity, save_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
-from aerojax.core.files import write_json
+from aerojax.core.files import write_json, write_text
 from aerojax.core.provenance import provenance
 from aerojax.evaluate.answers import answers_with_features, load_split
 from aerojax.evaluate.unknown import rejection, separation
@@ -53,7 +54,7 @@ def _fitted(config: Config, classifier: Embedding, console: Console) -> tuple[Fa
     features = answers_with_features(classifier, train)[1][:, -1]
     known = answers_with_features(classifier, val)[1]
     counts = {"training_clips": len(train.label), "validation_clips": len(val.label)}
-    return fit_familiarity(features, train.label, known, val.present), counts
+    return fit_familiarity(features, train.label, known, val.present, classifier.feature_weights), counts
 
 
 def _figures(config: Config, classifier: Embedding, familiarity: Familiarity) -> dict[str, Any]:
@@ -69,7 +70,7 @@ def _figures(config: Config, classifier: Embedding, familiarity: Familiarity) ->
 
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
-    """Fit, write beside the weights, and metrics.json."""
+    """Fit, write it and a page about it beside the weights, and metrics.json."""
     classifier, console = require_features(load_classifier(config.weights)), Console()
     if not config.weights.is_file():
         raise UserError("missing", f"weights={config.weights} is no file to write beside", "copy the weights first")
@@ -84,7 +85,8 @@ def main(config: Config, run: Run) -> None:
         "validation": found,
         **provenance(run.overrides),
     }
-    save_familiarity(config.weights, familiarity, record)
+    page = save_familiarity(config.weights, familiarity, record).with_suffix(".md")
+    write_text(page, familiarity_markdown(classifier.card.name, record))
     write_json(run.directory / "metrics.json", record)
     if found:
         console.print(

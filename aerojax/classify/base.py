@@ -77,18 +77,24 @@ class Classifier(Protocol):
 class Embedding(Classifier, Protocol):
     """A classifier that also tells what its answer was read from, by which it is judged whether it knows the like.
 
-    Features are one row a network, of one length whatever the clip's; they are as invariant as the answer.
+    Features are rows of one length, whatever the clip's: of an ensemble those of each network. They are as invariant as
+    the answer is.
     """
+
+    @property
+    def feature_weights(self) -> tuple[float, ...]:
+        """How much each row says of whether an object is known; they sum to 1."""
+        ...
 
     def step_features(
         self, seen: Evidence, valid: Bool[Array, ""], state: State
-    ) -> tuple[Float[Array, "label"], Float[Array, "network feature"], State]:
+    ) -> tuple[Float[Array, "label"], Float[Array, "row feature"], State]:
         """As `step`, with the features between logits and state."""
         ...
 
     def clip_features(
         self, seen: Evidence, valid: Bool[Array, "time"]
-    ) -> tuple[Float[Array, "time label"], Float[Array, "time network feature"]]:
+    ) -> tuple[Float[Array, "time label"], Float[Array, "time row feature"]]:
         """As `clip`, with the features after each frame."""
         ...
 

@@ -1,8 +1,9 @@
-"""The card of a trained classifier as a page for people."""
+"""The card of a trained classifier, and what lies beside its weights, as pages for people."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 from aerojax.classify.card import Card
@@ -65,6 +66,34 @@ def _results(card: Card, record: dict[str, Any]) -> list[str]:
         "|---" * (len(card.classes) + 1) + "|",
         *confusion,
     ]
+
+
+def familiarity_markdown(name: str, record: Mapping[str, Any]) -> str:
+    """The page beside a familiarity: what it was fitted to, and how well validation outliers are told.
+
+    Args:
+        name: of the classifier.
+        record: of `save_familiarity`.
+    """
+    lines = [f"# Familiarity of {name}", "", "Which objects look like those that the classifier was trained on."]
+    lines += [
+        f"Made by `{record['command']}`",
+        f"(seed {record['seed']}, commit {record['commit']})",
+        f"from {record['training_clips']} training and {record['validation_clips']} validation clips of",
+        f"{', '.join(record['clips'])}.",
+        "Licence: Apache-2.0.",
+    ]
+    if found := record["validation"]:
+        kinds = [f"| {kind} | {_share(share)} |" for kind, share in found["strange_by_group"].items()]
+        known = [f"| {label} | {_share(share)} |" for label, share in found["known_by_class"].items()]
+        lines += [
+            "",
+            f"On validation families and {sum(found['outliers'].values())} clips of kinds by which it was chosen:",
+            f"area under the ROC curve {found['auroc']:.3f}. Called unknown at a level of {found['level']:g}:",
+            "",
+            *("| clips of | called unknown |", "|---|---|", *kinds, *known),
+        ]
+    return "\n".join(lines) + "\n"
 
 
 def _share(value: float | None) -> str:

@@ -2,9 +2,9 @@
 
 The features of each class are taken for normal with a mean of their own and one covariance (Lee, Lee, Lee & Shin 2018,
 "A simple unified framework for detecting out-of-distribution samples"); the distance is the logarithm of the nearest
-class's squared Mahalanobis distance, averaged over the networks of an ensemble. It becomes a share by comparison with
-known objects of other families: the conformal p-value (Vovk, Gammerman & Shafer 2005; Bates et al. 2023), which is
-below a level for that share of known objects, as far as they are like those compared with.
+class's squared Mahalanobis distance, averaged over the rows of features that a classifier gives. It becomes a share by
+comparison with known objects of other families: the conformal p-value (Vovk, Gammerman & Shafer 2005; Bates et al.
+2023), which is below a level for that share of known objects, as far as they are like those compared with.
 
 What is fitted lies beside the weights that it belongs to, in `<stem>.familiarity.safetensors`.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -31,28 +32,30 @@ from aerojax.core.types import pytree_dataclass
 SUFFIX = ".familiarity.safetensors"
 SHRINKAGE = 0.1
 """Of the mean variance, added to the covariance's diagonal; 0.01 to 0.3 tell validation outliers apart as well."""
-_ARRAYS = ("mean", "whitening", "known")
+_ARRAYS = ("mean", "whitening", "weight", "known")
 
 
 @pytree_dataclass
 class Familiarity:
     """What is remembered of the training clips and of known objects to compare with.
 
-    mean: of each class's features. whitening: of features about them, rows times this have unit covariance.
+    mean: of each class's features. whitening: features about them times this have unit covariance.
+    weight: of each row of features, sum 1.
     known: distances of validation clips after their first, second, … frame, in ascending order.
     """
 
-    mean: Float[Array, "network class feature"]
-    whitening: Float[Array, "network feature feature"]
+    mean: Float[Array, "row class feature"]
+    whitening: Float[Array, "row feature feature"]
+    weight: Float[Array, "row"]
     known: Float[Array, "length clip"]
 
-    def distance(self, features: Float[Array, "network feature"]) -> Float[Array, ""]:
-        """From the nearest class, logarithmic, mean over the networks; see `Embedding` for the features."""
-        apart = jnp.einsum("ncf,nfg->ncg", features[:, None] - self.mean, self.whitening)
+    def distance(self, features: Float[Array, "row feature"]) -> Float[Array, ""]:
+        """From each row's nearest class, logarithmic, weighted mean over the rows; see `Embedding`."""
+        apart = jnp.einsum("rcf,rfg->rcg", features[:, None] - self.mean, self.whitening)
         nearest = jnp.min(jnp.sum(apart * apart, axis=-1), axis=-1)
-        return jnp.mean(jnp.log(jnp.maximum(nearest, 1e-12)))
+        return jnp.sum(self.weight * jnp.log(jnp.maximum(nearest, 1e-12)))
 
-    def share(self, features: Float[Array, "network feature"], frames: Int[Array, ""] | int) -> Float[Array, ""]:
+    def share(self, features: Float[Array, "row feature"], frames: Int[Array, ""] | int) -> Float[Array, ""]:
         """The share of known objects that look as strange after so many frames, above 0 and at most 1.
 
         Args:
@@ -65,10 +68,11 @@ class Familiarity:
 
 
 def fit_familiarity(
-    features: Float[np.ndarray, "clip network feature"],
+    features: Float[np.ndarray, "clip row feature"],
     label: Int[np.ndarray, "clip"],
-    known: Float[np.ndarray, "known time network feature"],
+    known: Float[np.ndarray, "known time row feature"],
     present: Bool[np.ndarray, "known time"],
+    weight: tuple[float, ...],
 ) -> Familiarity:
     """Fit class means and their covariance, and measure the distances of known objects.
 
@@ -76,6 +80,7 @@ def fit_familiarity(
         features: of whole training clips. label: their classes, all of which occur.
         known: features of validation clips after each frame. present: frames that count, the first ones of a clip; a
             clip that ends is compared by its last frame with longer ones.
+        weight: `Embedding.feature_weights`.
 
     Raises:
         UserError: the clips of each class have the same features.
@@ -83,11 +88,11 @@ def fit_familiarity(
     x = features.astype(np.float64)
     mean = np.stack([x[label == one].mean(axis=0) for one in range(int(label.max()) + 1)], axis=1)
     whitening = np.stack([_whitening(x[:, n] - mean[n, label]) for n in range(x.shape[1])])
-    empty = Familiarity(_single(mean), _single(whitening), jnp.zeros((1, 1)))
+    empty = Familiarity(_single(mean), _single(whitening), _single(np.array(weight)), jnp.zeros((1, 1)))
     distance = np.asarray(jax.jit(jax.vmap(jax.vmap(empty.distance)))(_single(known)))
     last = np.maximum(present.sum(axis=1) - 1, 0)
     index = np.minimum(np.arange(known.shape[1])[:, None], last[None])
-    return Familiarity(empty.mean, empty.whitening, _single(np.sort(distance.T[index, np.arange(len(last))], axis=1)))
+    return replace(empty, known=_single(np.sort(distance.T[index, np.arange(len(last))], axis=1)))
 
 
 def _whitening(apart: Float[np.ndarray, "clip feature"]) -> Float[np.ndarray, "feature feature"]:
@@ -143,9 +148,9 @@ def load_familiarity(weights: Path | None = None) -> Familiarity | None:
         problem = f"{path} was fitted to other weights than {weights}"
         raise UserError("mismatch", problem, "fit it again with experiments.fit_familiarity, or delete it")
     shapes = {name: tensors[name].shape for name in _ARRAYS if name in tensors}
-    networks, _, width = shapes.get("mean", (0, 0, 0)) if len(shapes.get("mean", ())) == 3 else (0, 0, 0)
-    fits = shapes.get("whitening") == (networks, width, width) and len(shapes.get("known", ())) == 2
-    if not networks or not fits:
+    rows, _, width = shapes.get("mean", ()) if len(shapes.get("mean", ())) == 3 else (0, 0, 0)
+    fits = shapes.get("whitening") == (rows, width, width) and shapes.get("weight") == (rows,)
+    if not rows or not fits or len(shapes.get("known", ())) != 2:
         raise UserError("invalid", f"{path} does not hold means, whitening and known distances", "fit it again")
     expected = jax.eval_shape(lambda: Familiarity(*(jnp.zeros(shapes[name]) for name in _ARRAYS)))
     return filled(expected, tensors, path, whose="a familiarity")

@@ -93,7 +93,7 @@ def log_probabilities(classifier: Classifier, clips: ClipSet) -> Float[np.ndarra
 @jax.jit
 def _features(
     classifier: Embedding, columns: Array, present: Array, crops: Any
-) -> tuple[Float[Array, "clip label"], Float[Array, "clip time network feature"]]:
+) -> tuple[Float[Array, "clip label"], Float[Array, "clip time row feature"]]:
     def one(columns: Array, present: Array, crops: Any) -> tuple[Array, Array]:
         logits, features = classifier.clip_features(evidence(columns, crops), present)
         return logits[-1], features
@@ -103,7 +103,7 @@ def _features(
 
 def answers_with_features(
     classifier: Embedding, clips: ClipSet
-) -> tuple[Float[np.ndarray, "clip label"], Float[np.ndarray, "clip time network feature"]]:
+) -> tuple[Float[np.ndarray, "clip label"], Float[np.ndarray, "clip time row feature"]]:
     """`log_probabilities` of whole clips, and what they were read from after each frame."""
     crops, parts = crops_read(classifier, clips), []
     for start in range(0, len(clips.label), BATCH):

@@ -19,15 +19,16 @@ from aerojax.classify.familiarity import (
 from aerojax.core.errors import UserError
 from aerojax.core.tensors import read_tensors
 
-NETWORKS, CLASSES, WIDTH, TIME = 2, 3, 5, 4
+ROWS, CLASSES, WIDTH, TIME = 2, 3, 5, 4
+WEIGHT = (0.5, 0.5)
 
 
 def drawn(rng, count, *, apart=0.0):
     """Features of every class about a mean of its own, and labels; `apart` moves them where no class is."""
     label = np.arange(count) % CLASSES
-    centre = np.zeros((NETWORKS, CLASSES, WIDTH))
+    centre = np.zeros((ROWS, CLASSES, WIDTH))
     centre[:, np.arange(CLASSES), np.arange(CLASSES)] = 6.0
-    x = centre[:, label].transpose(1, 0, 2) + rng.normal(size=(count, NETWORKS, WIDTH)) * [1.0, 2.0, 1.0, 0.5, 3.0]
+    x = centre[:, label].transpose(1, 0, 2) + rng.normal(size=(count, ROWS, WIDTH)) * [1.0, 2.0, 1.0, 0.5, 3.0]
     x[..., -2] += apart
     return x.astype(np.float32), label
 
@@ -36,7 +37,7 @@ def fitted(seed=0, count=300):
     rng = np.random.default_rng(seed)
     features, label = drawn(rng, 900)
     known = drawn(rng, count)[0][:, None].repeat(TIME, axis=1)
-    return fit_familiarity(features, label, known, np.ones((count, TIME), bool)), rng
+    return fit_familiarity(features, label, known, np.ones((count, TIME), bool), WEIGHT), rng
 
 
 @jax.jit
@@ -45,10 +46,11 @@ def shares(familiarity, features, frames):
 
 
 def test_the_distance_is_that_to_the_nearest_class():
-    one = Familiarity(jnp.array([[[0.0, 0.0], [4.0, 0.0]]]), 0.5 * jnp.eye(2)[None], jnp.zeros((1, 1)))
+    one = Familiarity(jnp.array([[[0.0, 0.0], [4.0, 0.0]]]), 0.5 * jnp.eye(2)[None], jnp.ones(1), jnp.zeros((1, 1)))
     assert float(one.distance(jnp.array([[3.0, 2.0]]))) == pytest.approx(np.log((1.0 + 4.0) * 0.25), rel=1e-6)
-    two = Familiarity(jnp.tile(one.mean, (2, 1, 1)), jnp.tile(one.whitening, (2, 1, 1)), one.known)
-    mean = (np.log(1.25) + np.log(0.25)) / 2  # of networks that see it elsewhere
+    weight = jnp.array([0.75, 0.25])
+    two = Familiarity(jnp.tile(one.mean, (2, 1, 1)), jnp.tile(one.whitening, (2, 1, 1)), weight, one.known)
+    mean = 0.75 * np.log(1.25) + 0.25 * np.log(0.25)  # of rows that see it elsewhere
     assert float(two.distance(jnp.array([[3.0, 2.0], [0.0, 1.0]]))) == pytest.approx(mean, rel=1e-6)
 
 
@@ -58,13 +60,13 @@ def test_features_of_a_class_have_unit_covariance_after_whitening():
     apart = np.einsum("bnf,nfg->bng", features - np.asarray(found.mean)[:, label].transpose(1, 0, 2), found.whitening)
     variance = np.array([1.0, 4.0, 1.0, 0.25, 9.0])
     expected = variance / (variance + SHRINKAGE * variance.mean())
-    for network in range(NETWORKS):
-        np.testing.assert_allclose(np.diag(np.cov(apart[:, network].T)), expected, rtol=0.15)
+    for row in range(ROWS):
+        np.testing.assert_allclose(np.diag(np.cov(apart[:, row].T)), expected, rtol=0.15)
 
 
 def test_the_share_counts_known_objects_at_least_as_far():
     known = jnp.log(jnp.array([[1.0, 2.0, 3.0, 4.0], [0.1, 0.2, 0.3, 9.0]]))
-    one = Familiarity(jnp.zeros((1, 1, 1)), jnp.ones((1, 1, 1)), known)
+    one = Familiarity(jnp.zeros((1, 1, 1)), jnp.ones((1, 1, 1)), jnp.ones(1), known)
     at = jnp.sqrt(jnp.array([[2.5]]))
     assert float(one.share(at, 1)) == pytest.approx(3 / 5)  # 3 and 4, and itself
     assert float(one.share(at, 2)) == float(one.share(at, 7)) == pytest.approx(2 / 5)
@@ -83,16 +85,16 @@ def test_new_known_objects_are_rejected_at_the_stated_rate_and_strange_ones_more
 
 def test_clips_that_end_are_compared_by_their_last_frame():
     features, label = drawn(np.random.default_rng(1), 90)
-    known = np.zeros((2, 3, NETWORKS, WIDTH), np.float32)
+    known = np.zeros((2, 3, ROWS, WIDTH), np.float32)
     known[1] += np.arange(3)[:, None, None]
     present = np.array([[True, False, False], [True, True, True]])
     known[0, 1:] = 50.0  # what is behind the end does not count
-    rows = np.asarray(fit_familiarity(features, label, known, present).known)
+    rows = np.asarray(fit_familiarity(features, label, known, present, WEIGHT).known)
     assert (np.diff(rows, axis=1) >= 0).all()
     np.testing.assert_allclose(rows[0], rows[0, 0], rtol=1e-6)
     assert rows.max() < 10
     with pytest.raises(UserError, match="the same features"):
-        fit_familiarity(features[:CLASSES], label[:CLASSES], known, present)
+        fit_familiarity(features[:CLASSES], label[:CLASSES], known, present, WEIGHT)
 
 
 def test_it_lies_beside_the_weights_that_it_belongs_to(tmp_path):

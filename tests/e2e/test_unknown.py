@@ -67,8 +67,10 @@ def test_a_familiarity_is_fitted_and_measured(monkeypatch, tmp_path, capsys):
     found = json.loads((tmp_path / "fit/metrics.json").read_text())
     assert (found["training_clips"], found["validation_clips"]) == (8, 8)
     assert 0 <= found["validation"]["auroc"] <= 1 and found["validation"]["outliers"] == {"disc": 1}
+    page = (tmp_path / "weights.familiarity.md").read_text()
+    assert "# Familiarity of views, coverage" in page and "| disc | " in page and "8 validation clips" in page
     familiarity = load_familiarity(weights)
-    assert familiarity is not None and familiarity.known.shape == (3, 8) and familiarity.mean.shape == (1, 4, 16)
+    assert familiarity is not None and familiarity.known.shape == (3, 8) and familiarity.mean.shape == (2, 4, 16)
     run_command(measure_unknown, monkeypatch, *given, "also=[]", f"hydra.run.dir={tmp_path}/measure")
     result = json.loads((tmp_path / "measure/results.json").read_text())
     assert result["all"]["clips"] == 8 and result["outliers"] == {"disc": 1}

@@ -75,9 +75,15 @@ class EnsembleClassifier:
         logits = jax.vmap(lambda member: member.clip(seen, valid))(self._readers)
         return calibrated_answer(logits, self.card.temperature)
 
+    @property
+    def feature_weights(self) -> tuple[float, ...]:
+        """Those of the members, which count alike."""
+        count = len(jax.tree.leaves(self.members)[0])
+        return tuple(weight / count for weight in self.members.feature_weights) * count
+
     def step_features(
         self, seen: Evidence, valid: Bool[Array, ""], state: State
-    ) -> tuple[Float[Array, "label"], Float[Array, "network feature"], State]:
+    ) -> tuple[Float[Array, "label"], Float[Array, "row feature"], State]:
         """As `step`, with the features of the members, which have to give some."""
         logits, features, state = jax.vmap(lambda member, own: member.step_features(seen, valid, own))(
             self._readers, state
@@ -86,7 +92,7 @@ class EnsembleClassifier:
 
     def clip_features(
         self, seen: Evidence, valid: Bool[Array, "time"]
-    ) -> tuple[Float[Array, "time label"], Float[Array, "time network feature"]]:
+    ) -> tuple[Float[Array, "time label"], Float[Array, "time row feature"]]:
         """As `clip`, with the features of the members, which have to give some."""
         logits, features = jax.vmap(lambda member: member.clip_features(seen, valid))(self._readers)
         each = jnp.moveaxis(features, 0, 1)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Key
 
 from aerojax.classify.card import Card
 from aerojax.classify.ensembles import calibrated_answer
-from aerojax.classify.views.model import ViewsNetwork, ViewsState
+from aerojax.classify.views.model import ViewsNetwork, ViewsState, outline_mean
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops, Evidence, pytree_dataclass, static_field
 
@@ -71,18 +71,20 @@ class ViewsClassifier:
 
     def step_features(
         self, seen: Evidence, valid: Bool[Array, ""], state: ViewsState
-    ) -> tuple[Float[Array, "label"], Float[Array, "network feature"], ViewsState]:
-        """The same with the mean of what the layers over time gave, of the only network.
+    ) -> tuple[Float[Array, "label"], Float[Array, "row feature"], ViewsState]:
+        """The same with two rows of features of the only network.
 
-        The head reads the frames' deviation, too, but of it the training clips have a long tail, beside which nothing
-        looks strange.
+        The first is the mean of what the layers over time gave. The head reads the frames' deviation, too, but of it
+        the training clips have a long tail, beside which nothing looks strange. The second is the mean of the
+        outlines' closed-form descriptors, with zeros behind it: layers that were trained to tell classes apart forget
+        what does not, such as how round a thing is.
 
         Raises:
             UserError: as `step`.
         """
         read, state = self.network.advance(*counted(seen.crops, valid), state)
         logits = calibrated_answer(self.network.head(read)[None], self.card.temperature)
-        return logits, read[None, : self.network.config.d_model], state
+        return logits, self._rows(read, outline_mean(state.outlines)), state
 
     def clip(self, seen: Evidence, valid: Bool[Array, "time"]) -> Float[Array, "time label"]:
         """Logits after each frame.
@@ -94,15 +96,26 @@ class ViewsClassifier:
 
     def clip_features(
         self, seen: Evidence, valid: Bool[Array, "time"]
-    ) -> tuple[Float[Array, "time label"], Float[Array, "time network feature"]]:
+    ) -> tuple[Float[Array, "time label"], Float[Array, "time row feature"]]:
         """The same with features, as `step_features` has them.
 
         Raises:
             UserError: the evidence has no crops.
         """
-        read = self.network.readouts(*counted(seen.crops, valid))[0]
+        given = counted(seen.crops, valid)
+        read = self.network.readouts(*given)[0]
         logits = calibrated_answer(jax.vmap(self.network.head)(read)[None], self.card.temperature)
-        return logits, read[:, None, : self.network.config.d_model]
+        return logits, jax.vmap(self._rows)(read, self.network.outline_means(*given))
+
+    @property
+    def feature_weights(self) -> tuple[float, ...]:
+        """Two parts what was learned and one part what is known of outlines, chosen on validation clips."""
+        return 2 / 3, 1 / 3
+
+    def _rows(self, read: Float[Array, "twice_width"], outlines: Float[Array, "descriptor"]) -> Float[Array, "2 width"]:
+        encoded = read[: self.network.config.d_model]
+        kept = outlines[: len(encoded)]
+        return jnp.stack([encoded, jnp.pad(kept, (0, len(encoded) - len(kept)))])
 
 
 def counted(

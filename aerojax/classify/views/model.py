@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Key
 from aerojax.classify.mambasplat.layers import LayerNorm, Linear, drop
 from aerojax.classify.mambasplat.mamba import MambaStack, MambaState
 from aerojax.classify.views.config import MOST_VIEWS, ViewsConfig
-from aerojax.classify.views.descriptors import descriptor_count
+from aerojax.classify.views.descriptors import OUTLINE_DESCRIPTORS, descriptor_count
 from aerojax.classify.views.encoder import Outline, ViewEncoder, outline
 from aerojax.classify.views.polar import LEAST_AREA, last_before
 from aerojax.core.errors import UserError
@@ -31,6 +31,7 @@ class ViewsState:
     temporal: of the Mamba layers.
     sums: over the frames that counted: encoded, descriptor, descriptor squared.
     count: of those frames.
+    outlines: sums of `outline_descriptors` over the views that counted, and how many did.
     """
 
     before: Outline
@@ -38,6 +39,7 @@ class ViewsState:
     temporal: MambaState
     sums: Float[Array, "3 width"]
     count: Float[Array, ""]
+    outlines: Float[Array, "descriptors_and_count"]
 
 
 class ViewPooling(nnx.Module):
@@ -124,6 +126,13 @@ class ViewsNetwork(nnx.Module):
         reached = sums[jnp.maximum(number - 1, 0)]
         return jax.vmap(_readout)(reached, number.astype(features.dtype)), number > 0
 
+    def outline_means(
+        self, rgba: Float[Array, "time view size size 4"], valid: Bool[Array, "time view"]
+    ) -> Float[Array, "time descriptor"]:
+        """Mean of `outline_descriptors` over all views that counted so far, zero before the first."""
+        sums = jnp.cumsum(jax.vmap(_outline_sums)(*self._look(rgba, valid)), axis=0)
+        return jax.vmap(outline_mean)(sums)
+
     def frame_features(
         self,
         rgba: Float[Array, "time view size size 4"],
@@ -150,7 +159,8 @@ class ViewsNetwork(nnx.Module):
         )
         sums = jnp.zeros((3, config.d_model), kind)
         seen = jnp.zeros(MOST_VIEWS, bool)
-        return ViewsState(before, seen, self.temporal.initial_state(), sums, jnp.zeros((), kind))
+        outlines = jnp.zeros(OUTLINE_DESCRIPTORS + 1, kind)
+        return ViewsState(before, seen, self.temporal.initial_state(), sums, jnp.zeros((), kind), outlines)
 
     def advance(
         self, rgba: Float[Array, "view size size 4"], valid: Bool[Array, "view"], state: ViewsState
@@ -172,7 +182,8 @@ class ViewsNetwork(nnx.Module):
         before = jax.tree.map(lambda new, old: jnp.concatenate([new, old]), kept, rest)
         seen = state.seen.at[:views].set(state.seen[:views] | valid)
         sums = state.sums + jnp.stack([encoded, feature, feature * feature])
-        following = ViewsState(before, seen, temporal, sums, state.count + 1)
+        outlines = state.outlines + _outline_sums(now, valid)
+        following = ViewsState(before, seen, temporal, sums, state.count + 1, outlines)
         following = jax.tree.map(lambda new, old: jnp.where(valid.any(), new, old), following, state)
         return _readout(following.sums, following.count), following
 
@@ -191,6 +202,18 @@ def _readout(sums: Float[Array, "3 width"], count: Float[Array, ""]) -> Float[Ar
     # The small term keeps the root's slope finite where nothing changes.
     deviation = jnp.sqrt(jnp.maximum(square - mean * mean, 0.0) + 1e-4) - 1e-2
     return jnp.where(count > 0, jnp.concatenate([encoded, deviation]), 0.0)
+
+
+def _outline_sums(now: Outline, valid: Bool[Array, "view"]) -> Float[Array, "descriptors_and_count"]:
+    """Of one frame."""
+    numbers = now.numbers[:, :OUTLINE_DESCRIPTORS]
+    rows = jnp.concatenate([numbers, jnp.ones_like(numbers[:, :1])], axis=1)
+    return jnp.sum(jnp.where(valid[:, None], rows, 0.0), axis=0)
+
+
+def outline_mean(sums: Float[Array, "descriptors_and_count"]) -> Float[Array, "descriptor"]:
+    """Of sums as `ViewsState` has them; zero where nothing counted."""
+    return sums[:-1] / jnp.maximum(sums[-1], 1.0)
 
 
 def _where(condition: Bool[Array, "*batch"], yes: Outline, no: Outline) -> Outline:

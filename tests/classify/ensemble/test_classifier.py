@@ -68,9 +68,12 @@ def test_features_of_a_stream_are_those_of_the_clip_and_leave_the_answer_as_it_i
     seen = Evidence(Gaussians.from_columns(jnp.ones((TIME, 4, 14))), crops)
     valid = jnp.array([False, True, False, True])
     logits, features = jax.jit(lambda c, s, v: c.clip_features(s, v))(views, seen, valid)
-    assert features.shape == (TIME, 2, 16) and not features[0].any()  # nothing was seen yet
+    assert features.shape == (TIME, 4, 16) and views.feature_weights == pytest.approx((1 / 3, 1 / 6) * 2)
+    assert not features[0].any()  # nothing was seen yet
     np.testing.assert_array_equal(features[2], features[1])
-    assert np.abs(features[1, 0] - features[1, 1]).max() > 1e-3  # each member has its own
+    assert np.abs(features[1, 0] - features[1, 2]).max() > 1e-3  # each member has its own
+    np.testing.assert_array_equal(features[:, 1], features[:, 3])  # but outlines are what they are
+    assert not features[:, 1, 9:].any() and features[1, 1, :9].all()
     np.testing.assert_allclose(logits, read(views, seen, valid), atol=1e-6)
     state, step = views.initial(), jax.jit(lambda *inputs: views.step_features(*inputs))
     for t in range(TIME):
