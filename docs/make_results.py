@@ -242,6 +242,38 @@ def rotations() -> str:
     return markdown(["weights", "trained under", *shipped["protocols"], "answers changed"], rows)
 
 
+def frames() -> str:
+    """One frame and all of them by class, and what shuffled frames cost, of both shipped classifiers."""
+    rows = []
+    for model in load("measure_frames_small")["models"]:
+        for first, whole, lost in zip(model["first"], model["whole"], model["shuffled"], strict=True):
+            shares = [f"{100 * row['accuracy']:.1f} {_between(row['low'], row['high'])}" for row in (first, whole)]
+            cost = f"{100 * lost['accuracy']:+.1f} {_between(lost['low'], lost['high'], '+.1f')}"
+            rows.append([f"`{model['name']}`", whole["class"], whole["clips"], *shares, cost])
+    return markdown(["weights", "class", "clips", "one frame, %", "all frames, %", "shuffled costs, points"], rows)
+
+
+def moving() -> str:
+    """How reconstructed shapes move, by class and by the pixels that an object spans."""
+    rows = []
+    for row in load("describe_clips_small")["by_width"]:
+        ends = f"{row['from']:g} to {row['to']:g}" if row["to"] < 1000 else f"above {row['from']:g}"
+        figures = f"{row['amplitude']:.3f}", row["strongest_bin"], percent(row["periodic"], 0)
+        rows.append([row["class"], ends, row["clips"], *figures])
+    return markdown(["class", "pixels", "clips", "amplitude, radii", "strongest bin", "shape returns"], rows)
+
+
+def attributes() -> str:
+    """Attributes of reconstructed Gaussians by class: median, 5th and 95th percentile."""
+    found = load("describe_clips_small")
+    by_class: dict[str, list[str]] = {row["class"]: [row["class"]] for row in found["gaussians"]}
+    for row in found["attributes"]:
+        low, _, middle, _, high = row["quantiles"]
+        by_class[row["class"]].append(f"{middle:.3g} ({low:.3g} to {high:.3g})")
+    head = ["scale, radii", "largest over smallest", "opacity", "turned, °", "red", "green", "blue"]
+    return markdown(["class", *head], by_class.values())
+
+
 def reconstructors() -> str:
     """Reconstructors by the views that they were not given: each figure of the hull, then of the refined hull."""
     found: dict[tuple[str, str], dict[str, Any]] = {}
@@ -395,6 +427,9 @@ TABLES: dict[str, Callable[[], str]] = {
         steps,
         ensembles,
         rotations,
+        frames,
+        moving,
+        attributes,
         reconstructors,
         consistency,
         generator,
