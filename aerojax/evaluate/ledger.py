@@ -69,7 +69,7 @@ class Claim:
     @property
     def is_difference(self) -> bool:
         """Whether our figure is a difference of two."""
-        return self.rule in ("above", "below") or bool(self.minus) or ".difference" in self.ours
+        return self.rule in ("above", "below", "bound") or bool(self.minus) or ".difference" in self.ours
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def verdict(claim: Claim, figure: Figure | None) -> Verdict:
     else:
         reference = claim.figure
     if claim.rule in ("above", "below"):
-        return "reproduced" if low > 0 else "contradicted" if high < 0 else "undecided"
+        return "reproduced" if low > 0 else "contradicted" if high <= 0 else "undecided"
     if low > reference:
         return "beaten"
     if high < reference:

@@ -34,6 +34,7 @@ def claim(rule, *, figure=0.7, own=True, tolerance=0.0) -> Claim:
         ("above", Figure(0.1, 0.05, 0.2), True, "reproduced"),
         ("above", Figure(0.1, -0.05, 0.2), True, "undecided"),
         ("above", Figure(-0.1, -0.2, -0.05), True, "contradicted"),
+        ("above", Figure(0.0, 0.0, 0.0), True, "contradicted"),
         ("below", Figure(-0.1, -0.2, -0.05), True, "reproduced"),
         ("below", Figure(0.1, 0.05, 0.2), True, "contradicted"),
         ("below", Figure(-0.1, -0.2, 0.05), True, "undecided"),
