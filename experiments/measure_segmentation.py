@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatch
 from pathlib import Path
-from time import perf_counter
-from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-from aerojax.capture.format import Capture, read_capture
+from aerojax.capture.format import read_capture
+from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
-from aerojax.core.seeds import seed_of
-from aerojax.core.types import FrameSet
-from aerojax.evaluate.clutter import Clutter, ClutterConfig, cluttered
-from aerojax.evaluate.segmentation import frame_score, segmentation_figures, segmentation_table
-from aerojax.pipeline.source import capture_preview
+from aerojax.evaluate.clutter import ClutterConfig
+from aerojax.evaluate.segmentation import segmentation_table
+from aerojax.pipeline.config import PipelineConfig
 from aerojax.segment.voxel_vote.member import VoxelVoteConfig
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
+from experiments._segmentation.labels import label_figures
+from experiments._segmentation.measured import Classifying, Shown, measured, some_cameras
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,21 +30,30 @@ class Config:
     """Which captures, and what is in their way.
 
     captures: folders of captures with masks, or folders that hold such folders.
+    only: patterns of the names of captures that are taken.
+    spread: so many of each pattern, evenly; 0 takes all.
     cameras: of each capture, so many, spread evenly; 0 takes all.
     views: cameras that must agree; 0 takes the member's rule.
     most_frames: of a capture, from its first; 0 takes all.
     clutter: put behind the objects; None leaves the images as they are.
     segment: the member.
-    seed: of the clutter.
+    labels: whether objects are classified, by the masks that are found and by those of the capture.
+    pipeline: behind the masks. weights: of a causal classifier; the shipped ones if None.
+    seed: of the clutter and the decimation.
     """
 
     preset: str
     captures: tuple[Path, ...]
+    only: tuple[str, ...] = ("*",)
+    spread: int = 0
     cameras: tuple[int, ...] = (0,)
     views: tuple[int, ...] = (0,)
     most_frames: int = 0
     clutter: ClutterConfig | None = None
     segment: VoxelVoteConfig = field(default_factory=VoxelVoteConfig)
+    labels: bool = False
+    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
+    weights: Path | None = None
     seed: int = 0
 
 
@@ -55,59 +63,37 @@ def _folders(config: Config) -> list[Path]:
         for folder in config.captures
         for path in ([folder] if (folder / "capture.json").is_file() else sorted(folder.glob("*/capture.json")))
     ]
-    if not found:
-        raise UserError(
-            "missing", f"captures={list(map(str, config.captures))}: no capture there", "name folders of captures"
-        )
-    return found
-
-
-def _measure(capture: Capture, views: int, config: Config) -> dict[str, Any]:
-    """Figures of one capture."""
-    known = [
-        Clutter(c.width, c.height, seed=seed_of(config.seed, c.name), config=config.clutter)
-        for c in capture.cameras
-        if config.clutter is not None
-    ]
-
-    def shown(frames: FrameSet) -> FrameSet:
-        return cluttered(frames, known) if known else frames
-
-    def preview(count: int, *, rgb: bool, ids: bool) -> Iterator[FrameSet]:
-        return (shown(frames) for frames in capture_preview(capture)(count, rgb=rgb, ids=ids or bool(known)))
-
-    segmenter = replace(config.segment, vote=replace(config.segment.vote, views=views)).build(None)
-    state, scores, seconds = segmenter.initial(capture.cameras, preview), [], []
-    for frames in capture_preview(capture)(capture.frames, rgb=True, ids=True):
-        frames = shown(frames)
-        start = perf_counter()
-        found, state = segmenter.step(frames, state)
-        seconds.append(perf_counter() - start)
-        scores.append(frame_score(frames, found))
-    return {**segmentation_figures(scores), "step_ms": 1000 * float(np.median(seconds))}
-
-
-def _some(capture: Capture, cameras: int, frames: int) -> Capture:
-    chosen = np.unique(
-        np.linspace(0, len(capture.cameras), cameras or len(capture.cameras), endpoint=False).astype(int)
-    )
-    kept = tuple(capture.cameras[index] for index in chosen)
-    return replace(capture, cameras=kept, frames=min(frames or capture.frames, capture.frames))
+    chosen = []
+    for pattern in config.only:
+        named = [path for path in found if fnmatch(path.name, pattern)]
+        places = np.linspace(0, len(named), config.spread or len(named), endpoint=False).astype(int)
+        chosen += [named[place] for place in np.unique(places)]
+    if not chosen:
+        asked = f"captures={list(map(str, config.captures))} only={list(config.only)}"
+        raise UserError("missing", f"{asked}: no capture there", "name folders of captures")
+    return chosen
 
 
 @experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
     """Write results.json and print a row a capture."""
     cases = [(path, n, k) for path in _folders(config) for n in config.cameras for k in config.views]
-    console, rows = Console(), []
+    console, rows, classifying = Console(), [], None
+    if config.labels:
+        classifying = Classifying(config.pipeline, load_classifier(config.weights))
     with progress_bar() as bar:
         for path, cameras, views in bar.track(cases, description="captures"):
-            capture = _some(read_capture(path), cameras, config.most_frames)
+            capture = some_cameras(read_capture(path), cameras, config.most_frames)
+            shown = Shown.of(capture, config.clutter, config.seed)
+            segment = replace(config.segment, vote=replace(config.segment.vote, views=views))
             row = {"capture": path.name, "cameras": len(capture.cameras), "views": views}
-            rows.append({**row, **_measure(capture, views, config)})
+            rows.append({**row, **measured(shown, segment, classifying, seed=config.seed)})
     console.print(segmentation_table(rows), soft_wrap=True)
     notes = {"rows": rows, "segment": to_mapping(config.segment), "command": run.command, "seed": config.seed}
     notes |= {"clutter": None if config.clutter is None else to_mapping(config.clutter)}
+    if config.labels:
+        notes |= {"labels": label_figures(rows), "pipeline": to_mapping(config.pipeline)}
+        console.print(str(notes["labels"]), markup=False)
     write_json(run.directory / "results.json", {**notes, **provenance(run.overrides)})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 

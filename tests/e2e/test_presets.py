@@ -69,6 +69,7 @@ ALONE = {
         {},
     ),
     "reproduce": ((), {}),
+    "measure_tracking": (("only=[tracks]", "scenes=1", "flown.frames=60"), {}),
     "measure_soak": (("frames=12", "windows=2", "settled=0", "sample.sequence.frames=4"), {}),
 }
 """Acts that need no data."""

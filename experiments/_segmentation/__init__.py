@@ -1,0 +1,1 @@
+"""What `measure_segmentation` is made of: masks that are found, and what an object is taken for by them."""
