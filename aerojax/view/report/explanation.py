@@ -27,7 +27,7 @@ def explanation_cards(report: ClassificationReport) -> dict[str, str]:
     }
     if "shares" in found:
         shares = 100 * np.array(found["shares"])
-        names = {"deletion": "without the most salient", "random": "without random ones", "insertion": "those alone"}
+        names = {"deletion": "salient gone", "random": "random gone", "insertion": "salient alone"}
         curves = {said: Curve(shares, np.array(found[key])) for key, said in names.items()}
         labels = Labels("probability without Gaussians", "Gaussians of each frame, %", "probability")
         cards["Gaussians that it stands on"] = curve_plot(labels, curves)

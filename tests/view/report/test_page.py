@@ -229,5 +229,5 @@ def test_an_explanation_is_shown_where_it_was_asked_for(tmp_path):
     assert "saliency of frames" in text
     curves = {"shares": [0.0, 0.5], "deletion": [0.9, 0.1], "insertion": [0.2, 0.9], "random": [0.9, 0.7]}
     _, page = write(tmp_path, make_report(frames, explanation={**found, **curves}))
-    assert "Gaussians that it stands on" in page.visible() and "without the most salient" in page.visible()
+    assert "Gaussians that it stands on" in page.visible() and "salient gone" in page.visible()
     assert "stands on" not in write(tmp_path, make_report(frames))[1].visible()
