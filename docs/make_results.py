@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from aerojax.evaluate.result_paths import lookup
+from aerojax.view.comparison import comparison_svg
+from aerojax.view.temporal import temporal_plots
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -415,6 +417,16 @@ def origins() -> str:
     return markdown(["file", "command", "date", "commit", "tree", "note"], rows)
 
 
+def plots() -> dict[str, str]:
+    """Plots of the figures, by their places in docs/."""
+    found = load("measure_frames_small")
+    drawn = {"plots/steps.svg": comparison_svg(load("compare_classifiers_steps")["rows"])}
+    for model in found["models"]:
+        every = temporal_plots(model["name"], model, found["classes"])
+        drawn |= {f"plots/{name}_{model['name']}.svg": every[name] for name in ("frames", "shuffled")}
+    return drawn
+
+
 TABLES: dict[str, Callable[[], str]] = {
     function.__name__: function
     for function in (
@@ -445,5 +457,7 @@ TABLES: dict[str, Callable[[], str]] = {
 if __name__ == "__main__":
     for name in PAGES:
         (DOCS / name).write_text(made(name), encoding="utf-8")
+    for place, text in plots().items():
+        (DOCS / place).write_text(text, encoding="utf-8")
     README.write_text(readme(README.read_text(encoding="utf-8")), encoding="utf-8")
     print(*(DOCS / name for name in PAGES), README, sep="\n")

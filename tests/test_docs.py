@@ -71,6 +71,13 @@ def test_the_results_are_current(results):
     assert results.BEGIN in written and results.readme(written) == written, "run `make docs`"
 
 
+def test_the_plots_are_current(results):
+    drawn = results.plots()
+    assert {path.name for path in (DOCS / "plots").iterdir()} == {place.rpartition("/")[2] for place in drawn}
+    for place, text in drawn.items():
+        assert (DOCS / place).read_text(encoding="utf-8") == text, f"{place}: run `make docs`"
+
+
 def test_every_file_of_results_has_its_row(results):
     page = results.made("results.md")
     names = [path.name for path in (results.ROOT / "results").glob("*.json")]
