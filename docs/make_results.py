@@ -417,6 +417,39 @@ def origins() -> str:
     return markdown(["file", "command", "date", "commit", "tree", "note"], rows)
 
 
+def unknown() -> str:
+    """Shares that are called unknown: kinds of outliers, then classes."""
+    found = load("measure_unknown")
+    every, counts = found["all"], found["outliers"]
+    rows: list[Sequence[object]] = [
+        [kind, counts[kind], percent(share)] for kind, share in every["strange_by_group"].items()
+    ]
+    rows += [["**all outliers**", sum(counts.values()), percent(every["strange_called_unknown"])]]
+    rows += [[name, "", percent(share)] for name, share in every["known_by_class"].items()]
+    rows += [["**all known objects**", every["clips"], percent(every["known_called_unknown"])]]
+    return markdown(["clips of", "number", "called unknown"], rows)
+
+
+def unknown_by_set() -> str:
+    """The same for every set of clips of the classes."""
+    found, rows = load("measure_unknown"), []
+    for name in ("all", "sim1", "sim2", "random", "sim3"):
+        row = found[name]
+        areas = [f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece")]
+        shares = [percent(row[key]) for key in ("accuracy", "accuracy_of_answered", "known_called_unknown")]
+        rows.append(["factory" if name == "all" else name, row["clips"], *areas, *shares])
+    head = [
+        "clips of the classes",
+        "number",
+        "AUROC",
+        "of the probability alone",
+        "ECE",
+        "right",
+        "right of the others",
+    ]
+    return markdown([*head, "called unknown"], rows)
+
+
 def plots() -> dict[str, str]:
     """Plots of the figures, by their places in docs/."""
     found = load("measure_frames_small")
@@ -449,6 +482,8 @@ TABLES: dict[str, Callable[[], str]] = {
         fits,
         torch,
         endurance,
+        unknown,
+        unknown_by_set,
         origins,
     )
 }

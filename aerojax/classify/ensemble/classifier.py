@@ -79,7 +79,7 @@ class EnsembleClassifier:
     def feature_weights(self) -> tuple[float, ...]:
         """Those of the members, which count alike."""
         count = len(jax.tree.leaves(self.members)[0])
-        return tuple(weight / count for weight in self.members.feature_weights) * count
+        return tuple(weight / count for weight in self.members.feature_weights) * count  # pyrefly: ignore
 
     def step_features(
         self, seen: Evidence, valid: Bool[Array, ""], state: State
