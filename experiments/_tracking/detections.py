@@ -86,12 +86,17 @@ def poses_row(scene: Flown, config: FlownConfig, measured: MeasuredConfig, numbe
 def recovered(
     seen: Detections, given: Sequence[TimedCamera], true: Sequence[TimedCamera], measured: MeasuredConfig
 ) -> tuple[tuple[TimedCamera, ...], Row]:
-    """The cameras that are found, and how far the worst of them is from the truth; clocks are known."""
+    """The cameras that are found, and how far the worst of them is from the truth; clocks are known.
+
+    off_px and then_px: by how much the worst camera's sights are off the paths, as it is given and as it is found.
+    """
     only_poses = replace(measured.adjust, clocks=False, line_delay=False)
-    found = adjust_recording(seen, given, measured.following, only_poses).apply(given)
+    adjusted = adjust_recording(seen, given, measured.following, only_poses)
+    found = adjusted.apply(given)
     off = [difference(f, t, np.zeros(UNKNOWNS)) for f, t in zip(found, true, strict=True)]
     angles, distances = [one.angle_deg for one in off], [one.distance_m for one in off]
-    return found, {"rotation_error_deg": max(angles), "position_error_m": max(distances)}
+    pixels = {"off_px": float(np.nanmax(adjusted.before_px)), "then_px": float(np.nanmax(adjusted.after_px))}
+    return found, {"rotation_error_deg": max(angles), "position_error_m": max(distances), **pixels}
 
 
 def with_wrong_pose(

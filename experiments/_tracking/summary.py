@@ -23,6 +23,8 @@ FIGURES = {
     "rmse_ratio": "RMSE over that of perfect clocks",
     "rotation_error_deg": "rotation off by, °",
     "position_error_m": "position off by, m",
+    "off_px": "sights off by, px",
+    "then_px": "and then, px",
 }
 """Keys of rows, and what people call them."""
 
