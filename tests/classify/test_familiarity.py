@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
+from aerojax.classify.base import Embedding
 from aerojax.classify.familiarity import (
     SHRINKAGE,
     Familiarity,
@@ -16,8 +17,10 @@ from aerojax.classify.familiarity import (
     load_familiarity,
     save_familiarity,
 )
+from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.tensors import read_tensors
+from aerojax.core.types import Crops, Evidence, Gaussians
 
 ROWS, CLASSES, WIDTH, TIME = 2, 3, 5, 4
 WEIGHT = (0.5, 0.5)
@@ -123,3 +126,23 @@ def test_what_is_broken_is_refused(tmp_path):
     save_file(tensors | {"known": np.full((1, 2), np.nan, np.float32)}, path, metadata=header)
     with pytest.raises(UserError, match="not finite"):
         load_familiarity(weights)
+
+
+def test_the_shipped_classifier_knows_no_discs_and_no_turning_squares():
+    classifier, familiarity = load_classifier(), load_familiarity()
+    assert isinstance(classifier, Embedding) and familiarity is not None
+    assert familiarity.weight.shape == (len(classifier.feature_weights),)
+    at = np.arange(32) - 15.5
+    x, y = np.meshgrid(at, at)
+    turn = np.arange(16).reshape(TIME, 4, 1, 1) * 0.4
+    along, aside = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x
+    inside = np.stack([np.broadcast_to(12 - np.hypot(x, y), along.shape), 9 - np.maximum(abs(along), abs(aside))])
+    coverage = 1 / (1 + np.exp(-3 * np.clip(inside, -8, 8)))[..., None]
+    rgba = jnp.asarray(np.concatenate([np.zeros((*coverage.shape[:-1], 3)), coverage], axis=-1), jnp.float32)
+
+    @jax.jit
+    def share(classifier, familiarity, rgba):
+        seen = Evidence(Gaussians.from_columns(jnp.ones((TIME, 4, 14))), Crops(rgba, jnp.ones((TIME, 4), bool)))
+        return familiarity.share(classifier.clip_features(seen, jnp.ones(TIME, bool))[1][-1], TIME)
+
+    assert max(float(share(classifier, familiarity, one)) for one in rgba) < 0.02

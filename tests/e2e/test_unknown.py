@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -23,18 +24,29 @@ from experiments import classify, fit_familiarity, measure_unknown
 TIME = 3
 
 
+def classified(monkeypatch, place: Path, label: str) -> dict[str, Any]:
+    where = (f"sample.folder={place}/samples", f"assets={place}/assets", f"hydra.run.dir={place}/run")
+    run_command(classify, monkeypatch, f"sample.label={label}", *where)
+    return json.loads((place / "run/result.json").read_text())
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("kind", ["ball", "box"])
 def test_a_ball_and_a_box_are_unknown(kind, monkeypatch, tmp_path, capsys):
-    where = (f"sample.folder={tmp_path}/samples", f"assets={tmp_path}/assets", f"hydra.run.dir={tmp_path}/run")
-    run_command(classify, monkeypatch, f"sample.label={kind}", *where)
-    result = json.loads((tmp_path / "run/result.json").read_text())
+    result = classified(monkeypatch, tmp_path, kind)
     assert (result["version"], result["status"], result["label"]) == (2, "ok", UNKNOWN)
     assert result["familiarity"] < 0.05 and [reason["code"] for reason in result["reasons"]] == ["unfamiliar"]
     said = " ".join(capsys.readouterr().out.split())
     assert "unknown: like none of the classes" in said and "truth: unknown, right" in said
     page = (tmp_path / "run/report.html").read_text()
     assert '<h1 class="label">unknown</h1>' in page and "like none of the classes" in page
+
+
+@pytest.mark.long
+def test_a_drone_that_was_never_seen_is_still_one(monkeypatch, tmp_path):
+    result = classified(monkeypatch, tmp_path, "drone")
+    assert (result["status"], result["label"], result["reasons"]) == ("ok", "drone", [])
+    assert result["familiarity"] >= 0.05
 
 
 def save(path: Path, seed: int, label: str, classes: tuple[str, ...], **facts: str) -> None:
