@@ -387,6 +387,73 @@ def endurance() -> str:
     return markdown(["what", "result"], rows) if rows else "Not measured yet."
 
 
+TRACKED = {
+    "tracks": "detections, one clock",
+    "stagger": "detections, a phase for each camera",
+    "clocks": "detections, wrong clocks, as found",
+    "masks": "masks of captures, frame by frame",
+}
+"""Rows of measure_tracking with figures of tracks."""
+
+
+def _tracked() -> dict[str, Any]:
+    """Summaries by kind, of detections and of masks, as far as there are results."""
+    there = {path.stem for path in (ROOT / "results").glob("*.json")}
+    names = [name for name in ("measure_tracking", "measure_tracking_masks") if name in there]
+    return {kind: row for name in names for kind, row in load(name)["summary"].items()}
+
+
+def several() -> str:
+    """Tracks of several objects: the middle scene, and the worst one in brackets."""
+    found = _tracked()
+
+    def cell(row: dict[str, Any], key: str, how: str) -> str:
+        return f"{row[key]['median']:{how}} ({row[key]['worst']:{how}})"
+
+    figures = {"idf1": ".3f", "gospa": ".2f", "rmse": ".3f", "ghosts": ".1f", "switches": ".0f"}
+    rows = [
+        [name, found[kind]["scenes"], *(cell(found[kind], key, how) for key, how in figures.items())]
+        for kind, name in TRACKED.items()
+        if kind in found
+    ]
+    head = ["tracks of", "scenes", "IDF1", "GOSPA, m", "RMSE, m", "ghosts in 100", "changed numbers"]
+    return markdown(head, rows) if rows else "Not measured yet."
+
+
+def corrected() -> str:
+    """What is found of wrong clocks and poses."""
+    found, rows = _tracked(), []
+    names = {
+        "offset_error_ms": "clock of the worst camera off by, ms",
+        "offset_error_ends_ms": "the same at the recording's ends, ms",
+        "rmse_ratio": "RMSE over that of perfect clocks",
+        "rotation_error_deg": "rotation of the worst camera off by, °",
+        "position_error_m": "position of the worst camera off by, m",
+        "off_px": "sights of the worst camera off by, as given, pixels",
+        "then_px": "and as found, pixels",
+    }
+    scenes = {"clocks": "wrong clocks", "poses": "a wrong pose", "masks_poses": "a wrong pose, by masks"}
+    for kind, name in scenes.items():
+        some = found.get(kind, {})
+        for key in (key for key in names if key in some):
+            rows.append([name, names[key], f"{some[key]['median']:.3g}", f"{some[key]['worst']:.3g}"])
+    return markdown(["scenes", "figure", "median", "worst"], rows) if rows else "Not measured yet."
+
+
+def track_labels() -> str:
+    """Answers of tracks: as they are, and with a camera that is wrong and corrected."""
+    found, rows = _tracked(), []
+    sets = {"tracks of all captures": found.get("masks", {}).get("answers")}
+    wrong = found.get("masks_poses", {}).get("answers", {})
+    for key, name in (("true", "of some, cameras right"), ("given", "one is wrong"), ("found", "and is corrected")):
+        sets[name] = wrong.get(key)
+    for name, row in sets.items():
+        if row is not None:
+            rows.append([name, row["tracks"], row["answered"], row["right"], row["sure"], row["sure_right"]])
+    head = ["", "tracks", "answered", "right", "believed", "of these right"]
+    return markdown(head, rows) if rows else "Not measured yet."
+
+
 def _tree(commit: str) -> str:
     """What is known of the tree: acts write whole names of commits, hands wrote short ones."""
     if "+" in commit:
@@ -482,6 +549,9 @@ TABLES: dict[str, Callable[[], str]] = {
         fits,
         torch,
         endurance,
+        several,
+        corrected,
+        track_labels,
         unknown,
         unknown_by_set,
         origins,
