@@ -59,13 +59,12 @@ def live_row(
             spent.append(service.run(threading.Event()))
     health = spent[-1]
     assert health.latency_ms is not None  # frames were looked at
+    latency = {key: round(ms, 1) for key, ms in zip(("p50", "p95", "max"), health.latency_ms, strict=True)}
     return {
         "name": name,
         "asked_per_s": rate,
         "frames_per_s": round(health.rate, 2),
-        "frame_to_track_ms": {
-            key: round(ms, 1) for key, ms in zip(("p50", "p95", "max"), health.latency_ms, strict=True)
-        },
+        "frame_to_track_ms": latency if rate else None,  # flat out, frames wait in the buffer however fast it goes
         "frames": health.frames,
         "dropped": health.dropped,
         "sightings": sum(health.sightings.values()),
