@@ -387,6 +387,20 @@ def endurance() -> str:
     return markdown(["what", "result"], rows) if rows else "Not measured yet."
 
 
+def live() -> str:
+    """What `serve` takes from a frame's pictures to its tracks."""
+    if not (ROOT / "results/benchmark_live.json").exists():
+        return "Not measured yet."
+    rows = []
+    for row in load("benchmark_live")["live"]["rows"]:
+        asked, spent = row["asked_per_s"], row["frame_to_track_ms"]
+        played = f"{asked:g} a second" if asked else "as fast as it goes"
+        times = ["-", "-"] if spent is None else [f"{spent[key]:.0f}" for key in ("p50", "p95")]
+        rows.append([row["name"], played, f"{row['frames_per_s']:.1f}", *times, row["dropped"], row["resident_mb"]])
+    head = ["segment", "played", "frames a second", "ms, median", "ms, 95 %", "dropped", "MB"]
+    return markdown(head, rows)
+
+
 TRACKED = {
     "tracks": "detections, one clock",
     "stagger": "detections, a phase for each camera",
@@ -549,6 +563,7 @@ TABLES: dict[str, Callable[[], str]] = {
         fits,
         torch,
         endurance,
+        live,
         several,
         corrected,
         track_labels,
