@@ -161,14 +161,20 @@ def _mean(value: Any) -> float:
 
 
 def _over_seeds(ours: Any, theirs: Any, seeds: int) -> Figure:
-    """A figure or a difference of two; its interval is that of the means over as many seeds, by Student's t."""
+    """A figure or a difference of two; its interval is that of the means over as many seeds, by Student's t.
+
+    Of one seed it is the interval over individuals, of a difference the widest that its two intervals allow.
+    """
     value = _mean(ours) - (0.0 if theirs is None else _mean(theirs))
-    parts = [part["std"] for part in (ours, theirs) if isinstance(part, Mapping)]
-    if not parts or seeds < 2 or any(std is None for std in parts):
+    parts = [part for part in (ours, theirs) if isinstance(part, Mapping)]
+    if seeds > 1 and parts and all(part["std"] is not None for part in parts):
+        half = T_95[len(parts) * (seeds - 1)] * math.sqrt(sum(part["std"] ** 2 for part in parts) / seeds)
+        return Figure(value, value - half, value + half)
+    if not parts or any("interval_95" not in part for part in parts):
         return Figure(value)
-    freedom = len(parts) * (seeds - 1)
-    half = T_95[freedom] * math.sqrt(sum(std * std for std in parts) / seeds)
-    return Figure(value, value - half, value + half)
+    low, high = parts[0]["interval_95"]
+    less = (0.0, 0.0) if theirs is None else parts[1]["interval_95"]
+    return Figure(value, low - less[1], high - less[0])
 
 
 def ledger_of(results: Path, claims: tuple[Claim, ...] | None = None) -> tuple[Entry, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from aerojax.evaluate.ledger import VERDICTS, Entry, Figure
+from aerojax.evaluate.ledger_runs import command_of
 from aerojax.evaluate.markdown import table_lines
 
 HEAD = """# Ledger: the thesis' claims, measured again
@@ -50,7 +51,8 @@ def _row(entry: Entry) -> list[str]:
     claim = entry.claim
     text = claim.text + (f" *{claim.note}*" if claim.note else "")
     if entry.figure is None:
-        wanted = f"`{claim.result}.json`, not there yet" if claim.result else ""
+        command = command_of(claim.result) if claim.result else None
+        wanted = "" if command is None else f"not run yet: `{command}`"
         return [text, claim.thesis, "", "", entry.verdict, wanted]
     data = "own" if claim.own else "same"
     ours = shown(entry.figure, claim.shown, difference=claim.is_difference)

@@ -24,7 +24,8 @@ class Step:
     """One command.
 
     name: of the step, of its folder, and of its file in results/ with `leaves`.
-    command: the act with its overrides, `{preset}` for the preset. sweep: it is a sweep of several runs.
+    command: the act with its overrides, `{preset}` for the preset and `{folder}` for the folder of all steps' runs.
+    sweep: it is a sweep of several runs.
     leaves: the file in its folder that becomes a file of results/; empty for acts that make data or weights.
     presets: in which it is run. minutes: of two processor cores with the preset small, about.
     """
@@ -38,7 +39,7 @@ class Step:
 
     def arguments(self, preset: str, folder: Path) -> list[str]:
         """Words behind `python -m`, with the folder that the run leaves its files in."""
-        act, *overrides = shlex.split(self.command.format(preset=preset))
+        act, *overrides = shlex.split(self.command.format(preset=preset, folder=folder))
         where = f"hydra.{'sweep' if self.sweep else 'run'}.dir={folder / self.name}"
         return [f"experiments.{act}", f"preset={preset}", *overrides, where]
 
@@ -52,6 +53,14 @@ def read_steps(preset: str) -> tuple[Step, ...]:
     text = (files("aerojax.evaluate") / RUNS).read_text(encoding="utf-8")
     steps = (to_dataclass(row, Step, source=RUNS) for row in tomllib.loads(text)["step"])
     return tuple(step for step in steps if preset in step.presets)
+
+
+def command_of(name: str, preset: str = "small") -> str | None:
+    """The command line that makes a file of results, None if no step does; runs of other steps stand for `FOLDER`."""
+    found = [step for step in read_steps(preset) if step.name == name and step.leaves]
+    if not found:
+        return None
+    return "python -m experiments." + found[0].command.format(preset=preset, folder="FOLDER")
 
 
 def is_done(step: Step, preset: str, folder: Path) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from aerojax.evaluate.ablation import VALIDATION, ablation_rows, over_seeds
 from aerojax.evaluate.markdown import interval_cell, mean_cell, table_lines
 from aerojax.evaluate.rotations import TEST_ROTATIONS
@@ -23,20 +25,22 @@ def network_rows(runs: Sequence[Mapping[str, Any]], *, seed: int = 0, draws: int
 
     Returns:
         JSON-ready rows; `trained` is the rotation of the training clips, `turned` the accuracy of windows by that of
-        the test clips, `last_frame` that of their last frames alone, `difference` the row's accuracy less that of
-        `REFERENCE` on the same clips.
+        the test clips, with the interval over individuals (the mean of the seeds' ends), `last_frame` that of their
+        last frames alone, `difference` the row's accuracy less that of `REFERENCE` on the same clips.
     """
     held = [{**run, "against": "" if run["classifier"] == REFERENCE else REFERENCE} for run in runs]
     rows = ablation_rows(held, seed=seed, draws=draws)
     for row in rows:
         group = [run for run in runs if run["classifier"] == row["classifier"]]
-        turned = {
-            kind: over_seeds([run["figures"]["rotations"][kind]["clip_accuracy"]["mean"] for run in group])
-            for kind in TEST_ROTATIONS
-        }
+        turned = {kind: _turned([run["figures"]["rotations"][kind] for run in group]) for kind in TEST_ROTATIONS}
         row |= {"trained": group[0]["trained"], "windows": group[0]["windows"], "turned": turned}
         row |= {"last_frame": over_seeds([run["last_frame"] for run in group])}
     return rows
+
+
+def _turned(rotations: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    ends = np.mean([one["interval_95"]["video_accuracy"] for one in rotations], axis=0)
+    return {**over_seeds([one["clip_accuracy"]["mean"] for one in rotations]), "interval_95": ends.tolist()}
 
 
 def network_markdown(rows: Sequence[Mapping[str, Any]]) -> str:

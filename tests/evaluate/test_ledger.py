@@ -95,6 +95,16 @@ def test_a_difference_of_means_has_an_interval_over_seeds(results):
     assert found.low == pytest.approx(0.1 - 2.776 * np.sqrt(0.02**2 / 3))
 
 
+def test_one_seed_has_the_interval_over_individuals(tmp_path):
+    rows = [{"share": {"mean": mean, "std": None, "interval_95": [mean - 0.1, mean + 0.1]}} for mean in (0.75, 0.5)]
+    (tmp_path / "one.json").write_text(json.dumps({"rows": rows, "seeds": [0]}))
+    found = figure_of(
+        Claim(source="", text="", result="one", ours="rows[0].share", minus="rows[1].share", seeds="seeds"), tmp_path
+    )
+    assert found is not None and found.value == 0.25
+    assert found.low == pytest.approx(0.05) and found.high == pytest.approx(0.45)
+
+
 def test_an_interval_of_the_file_is_taken(results):
     asked = Claim(source="", text="", result="one", ours="rows[name=b].gap.v", interval="rows[name=b].gap")
     assert figure_of(asked, results) == Figure(0.1, 0.0, 0.2)

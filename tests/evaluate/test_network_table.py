@@ -30,7 +30,13 @@ def run(name: str, seed: int, right: int, turned: float) -> dict[str, Any]:
     """Contents of a `comparison.json`; windows are answered as well as clips, and `turned` where they are turned."""
     parts = {"sim1": answers(right), "sim3": answers(CLIPS), "val": answers(6)}
     shares = {kind: right / CLIPS if kind == "none" else turned for kind in TEST_ROTATIONS}
-    rotations = {kind: {"clip_accuracy": {"mean": share, "std": 0.0}} for kind, share in shares.items()}
+    rotations = {
+        kind: {
+            "clip_accuracy": {"mean": share, "std": 0.0},
+            "interval_95": {"video_accuracy": [share - 0.25, share + 0.25]},
+        }
+        for kind, share in shares.items()
+    }
     return {
         **dict.fromkeys(HEAD, 0),
         **{"classifier": name, "label": f"network {name}", "against": "", "trained": "none", "seed": seed},
@@ -46,6 +52,7 @@ def test_every_row_is_held_against_the_reference_and_turned():
     assert [row["classifier"] for row in rows] == [REFERENCE, "vn"]
     ours, theirs = rows
     assert ours["difference"] is None and theirs["difference"]["accuracy"] == pytest.approx(5 / 8 - 7 / 8)
+    assert theirs["turned"]["so3"]["interval_95"] == [0.375, 0.875]
     assert theirs["turned"]["so3"]["mean"] == 0.625 and theirs["turned"]["none"]["mean"] == 5 / 8
     assert theirs["last_frame"] == {"mean": 0.25, "std": 0.0} and theirs["seeds"] == [0, 1]
     page = network_markdown(rows)
