@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
-from aerojax.evaluate.result_paths import lookup
+from aerojax.evaluate.result_paths import NoSuchRowError, lookup
 
 Rule = Literal["equal", "more", "less", "above", "below", "bound"]
 """equal: the same quantity, equal up to `tolerance`. more, less: of our figure, more or less of which is better.
@@ -129,7 +129,7 @@ def verdict(claim: Claim, figure: Figure | None) -> Verdict:
 
 
 def figure_of(claim: Claim, results: Path) -> Figure | None:
-    """Our figure of a claim; None if it names no file, or one that is not there.
+    """Our figure of a claim; None if it names no file, one that is not there, or a row that has not been run.
 
     Raises:
         UserError: the file lacks the field.
@@ -143,6 +143,8 @@ def figure_of(claim: Claim, results: Path) -> Figure | None:
         ours = lookup(values, claim.ours)
         theirs = lookup(values, claim.minus) if claim.minus else None
         ends = lookup(values, claim.interval) if claim.interval else None
+    except NoSuchRowError:
+        return None
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise UserError(
             "missing", f"{path} has no {claim.ours} ({error})", f"mend {claim.source} of {CLAIMS}"

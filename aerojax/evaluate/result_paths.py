@@ -22,11 +22,16 @@ _REDUCERS: dict[str, Callable[[Any], Any]] = {
 }
 
 
+class NoSuchRowError(KeyError):
+    """No row says what a path asks for; of a sweep that is not over, for instance."""
+
+
 def lookup(values: Any, path: str) -> Any:
     """What a path leads to; see the top of this file.
 
     Raises:
-        KeyError: a key is not there, or not exactly one row fits.
+        NoSuchRowError: no row fits.
+        KeyError: a key is not there, or several rows fit.
         IndexError: a list is shorter.
     """
     if reduced := _REDUCED.fullmatch(path):
@@ -44,6 +49,8 @@ def _followed(values: Any, steps: Sequence[str]) -> Any:
     if "=" in step:
         wanted = dict(pair.split("=") for pair in step.strip("[]").split(","))
         found = [row for row in values if all(_equal(row[key], value) for key, value in wanted.items())]
+        if not found:
+            raise NoSuchRowError(f"{step} fits 0 rows")
         if len(found) != 1:
             raise KeyError(f"{step} fits {len(found)} rows")
         return _followed(found[0], rest)

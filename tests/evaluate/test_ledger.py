@@ -112,8 +112,9 @@ def test_an_interval_of_the_file_is_taken(results):
 
 def test_a_file_that_is_not_there_is_no_measurement(results):
     assert figure_of(Claim(source="", text="", result="two", ours="x"), results) is None
+    assert figure_of(Claim(source="", text="", result="one", ours="rows[name=c].share"), results) is None
     with pytest.raises(UserError, match="has no rows"):
-        figure_of(Claim(source="", text="", result="one", ours="rows[name=c].share"), results)
+        figure_of(Claim(source="", text="", result="one", ours="rows[name=a].shore"), results)
 
 
 def test_figures_as_they_are_shown():
@@ -153,7 +154,7 @@ def test_claims_of_accuracy_have_intervals():
 
 def test_all_tables_and_figures_of_chapter_6_are_there():
     named = " ".join(one.source for one in read_claims())
-    tables = [f"Table 6.{number}" for number in (*range(3, 7), *range(8, 21))]
+    tables = [f"Table 6.{number}" for number in range(3, 21)]
     figures = [f"6.{number}" for number in (7, 8, 11, 12, *range(14, 19), 20)]
     assert [name for name in (*tables, *figures) if not re.search(rf"{re.escape(name)}\b", named)] == []
 
