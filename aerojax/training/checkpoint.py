@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
+import tempfile
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,6 +21,8 @@ from aerojax.core.errors import UserError
 
 _State = TypeVar("_State")
 _PREFIX = "step"
+_ENTRY_BYTES, _BASE_BYTES = 4096, 2**18
+"""What a checkpoint takes beside its arrays: for each of them, and for the whole."""
 
 
 def save_state(folder: Path, step: int, state: Any) -> None:
@@ -33,12 +36,32 @@ def save_state(folder: Path, step: int, state: Any) -> None:
     named = _named(state)
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        _require_space(folder, sum(leaf.nbytes + _ENTRY_BYTES for leaf in named.values()) + _BASE_BYTES)
         with _manager(folder, clean=True) as manager:
             manager.save(step, args=ocp.args.PyTreeSave(named), force=True)
     except ValueError as error:  # what tensorstore says of a full disk too
         if shutil.disk_usage(folder).free > sum(leaf.nbytes for leaf in named.values()):
             raise
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(folder)) from error
+
+
+def _require_space(folder: Path, size: int) -> None:
+    """Ask for the space before the checkpoint does, also of a quota.
+
+    Of many arrays that are written at once, the first that fails ends orbax's event loop, and each of the others then
+    complains about that with a traceback from a thread of its own.
+
+    Raises:
+        OSError: there is no such space.
+    """
+    allocate = getattr(os, "posix_fallocate", None)  # where there is none, the checkpoint itself tells
+    with tempfile.NamedTemporaryFile(dir=folder, prefix=".space_") as file:
+        try:
+            if allocate is not None:
+                allocate(file.fileno(), 0, size)
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):  # others say that this file system does not allocate
+                raise OSError(error.errno, error.strerror, str(folder)) from None
 
 
 def latest_step(folder: Path) -> int | None:
