@@ -27,11 +27,12 @@ def temporal_plots(name: str, figures: Mapping[str, Any], classes: Sequence[str]
         "in order": _curve(figures["distance_m"], "all", "to_m"),
         "shuffled": _curve(figures["distance_m"], "all", "to_m", "when_shuffled"),
     }
+    apart = figures["frames_by_distance"]
     grid = {
         f"{row['from_m']:g} to {row['to_m']:g} m": Curve(
             np.arange(1, len(row["accuracy"]) + 1.0), np.array(row["accuracy"])
         )
-        for row in (figures["frames_by_distance"][0], figures["frames_by_distance"][-1])
+        for row in apart[:: max(len(apart) - 1, 1)]
     }
     share = "share of right answers"
     plots = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,5 @@ def test_every_plot_is_a_file_of_its_own(answers):
     plots = temporal_plots("network", temporal_figures(answers, CLASSES, PLAN), CLASSES)
     assert list(plots) == ["frames", "distance", "shuffled", "frames_by_distance"]
     assert all(text.startswith("<svg") and "polyline" in text for text in plots.values())
+    unknown = replace(answers, distance=np.full(8, np.nan))
+    assert list(temporal_plots("network", temporal_figures(unknown, CLASSES, PLAN), CLASSES)) == ["frames"]
