@@ -38,6 +38,7 @@ from aerojax.core.types import Camera
 from aerojax.geometry.geodesy import GeographicOrigin
 
 __all__ = [
+    "CalibratedCamera",
     "Capture",
     "CaptureCamera",
     "JointPose",
@@ -52,18 +53,12 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class CaptureCamera:
-    """One calibrated camera of a capture and the patterns of its files (relative, `{frame}` or `{frame:0Nd}`).
+class CalibratedCamera:
+    """How a camera sees and where it stands.
 
     K: pixels; the centre of the top-left pixel is (0.5, 0.5).
     distortion_model: "none", "opencv" or "opencv_fisheye"; images are undistorted on reading and keep K.
     world_from_cam: rigid transform, metres, OpenCV axes.
-    rgb: file pattern or one video file. mask, depth: file patterns or None.
-    time_offset_s: how late the camera's clock is; what it took as frame j shows time j/fps + offset.
-    coverage: pattern of 8-bit images, the share of each pixel that objects cover (255 = all of it), or None.
-    normal: pattern of 16-bit RGB images, world normals n as (n + 1)/2·65535 and 0 where there is none, or None.
-    flow: pattern of two-channel float32 images, pixels right and down to the next frame, or None.
-    mask_kind: what the masks hold, "ids" of instances or "picture" of one object; None leaves it to the capture.
     """
 
     name: str
@@ -73,6 +68,20 @@ class CaptureCamera:
     distortion_model: str
     distortion: tuple[float, ...]
     world_from_cam: Float64[np.ndarray, "4 4"]
+
+
+@dataclass(frozen=True, eq=False)
+class CaptureCamera(CalibratedCamera):
+    """One calibrated camera of a capture and the patterns of its files (relative, `{frame}` or `{frame:0Nd}`).
+
+    rgb: file pattern or one video file. mask, depth: file patterns or None.
+    time_offset_s: how late the camera's clock is; what it took as frame j shows time j/fps + offset.
+    coverage: pattern of 8-bit images, the share of each pixel that objects cover (255 = all of it), or None.
+    normal: pattern of 16-bit RGB images, world normals n as (n + 1)/2·65535 and 0 where there is none, or None.
+    flow: pattern of two-channel float32 images, pixels right and down to the next frame, or None.
+    mask_kind: what the masks hold, "ids" of instances or "picture" of one object; None leaves it to the capture.
+    """
+
     rgb: str
     mask: str | None
     depth: str | None
@@ -217,16 +226,20 @@ def write_capture_json(capture: Capture, *, overwrite: bool = False) -> None:
     write_json(path, body)
 
 
-def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
-    raw: dict[str, Any] = {
+def calibration_to_json(camera: CalibratedCamera) -> dict[str, Any]:
+    """What `capture.json`, and any file of cameras, says of how a camera sees and where it stands."""
+    return {
         "name": camera.name,
         "width": camera.width,
         "height": camera.height,
         "K": camera.K.tolist(),
         "distortion": {"model": camera.distortion_model, "coefficients": list(camera.distortion)},
         "world_from_cam": camera.world_from_cam.tolist(),
-        "rgb": camera.rgb,
     }
+
+
+def _camera_to_json(camera: CaptureCamera) -> dict[str, Any]:
+    raw = {**calibration_to_json(camera), "rgb": camera.rgb}
     optional = {kind: getattr(camera, kind) for kind in (*OPTIONAL_IMAGES, "mask_kind")}
     raw |= {key: value for key, value in optional.items() if value is not None}
     return raw | {"time_offset_s": camera.time_offset_s}

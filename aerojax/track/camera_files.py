@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from aerojax.capture.format import calibration_to_json
 from aerojax.capture.imports.calibration.documents import read_document, rigid
 from aerojax.capture.validate.examination import CAMERA_KEYS, OPTIONAL_IMAGES, check_cameras
 from aerojax.capture.validate.findings import Findings, refuse
@@ -90,14 +91,5 @@ def write_cameras(path: Path, cameras: Sequence[TimedCamera]) -> None:
 
 
 def _to_json(camera: TimedCamera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "width": camera.width,
-        "height": camera.height,
-        "K": camera.K.tolist(),
-        "distortion": {"model": camera.distortion_model, "coefficients": list(camera.distortion)},
-        "world_from_cam": camera.world_from_cam.tolist(),
-        "time_offset_s": camera.time_offset_s,
-        "clock_rate": camera.clock_rate,
-        "line_delay_s": camera.line_delay_s,
-    }
+    clock = {key: getattr(camera, key) for key in CLOCK if key != "fps"}
+    return {**calibration_to_json(camera), **clock}

@@ -10,36 +10,27 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.stats import chi2
 
-from aerojax.capture.format import CaptureCamera
+from aerojax.capture.format import CalibratedCamera, CaptureCamera
 from aerojax.capture.lenses import undistort_points
 from aerojax.geometry.cameras import points_in_camera
 
 Vector = Float64[np.ndarray, "3"]
-Matrix = Float64[np.ndarray, "3 3"]
 
 UNKNOWN = -1
 """Row of a sight whose detections are not at hand: of another file, or of a run before."""
 
 
 @dataclass(frozen=True, eq=False)
-class TimedCamera:
+class TimedCamera(CalibratedCamera):
     """A calibrated camera with a clock of its own.
 
     What it stamps as τ in row v was there at clock_rate·τ + time_offset_s + line_delay_s·(v - height/2) on the
     network's clock: the offset is that of the middle row, so that it hardly depends on the line delay.
 
-    K, distortion_model, distortion, world_from_cam: as in `CaptureCamera`.
     clock_rate: seconds of the network that pass in one second of the camera's clock.
     line_delay_s: from one row of a rolling shutter to the next, seconds; 0 for a global one.
     """
 
-    name: str
-    width: int
-    height: int
-    K: Matrix
-    distortion_model: str
-    distortion: tuple[float, ...]
-    world_from_cam: Float64[np.ndarray, "4 4"]
     time_offset_s: float = 0.0
     clock_rate: float = 1.0
     line_delay_s: float = 0.0
