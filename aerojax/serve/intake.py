@@ -81,17 +81,31 @@ class CameraCount:
 
 
 class Intake:
-    """The buffer. Threads of sources `put`, one thread `take`s."""
+    """The buffer. Threads of sources `put`, one thread `take`s.
+
+    Args:
+        cameras: how many.
+        fps: frames a second of the network.
+        config: see there.
+        after_s: time of the source up to which an earlier service has made frames: pictures until then are late.
+        clock: seconds, for waiting.
+    """
 
     def __init__(
-        self, cameras: int, fps: float, config: IntakeConfig, *, clock: Callable[[], float] = time.monotonic
+        self,
+        cameras: int,
+        fps: float,
+        config: IntakeConfig,
+        *,
+        after_s: float = float("-inf"),
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._config, self._clock = config, clock
         self._tolerance = 0.5 / fps if config.tolerance_s is None else config.tolerance_s
         self._changed = threading.Condition()
         self._cameras = [_Waiting(deque(), clock()) for _ in range(cameras)]
         self._notices: list[Notice] = []
-        self._until = float("-inf")  # pictures up to here were taken or dropped with their frame
+        self._until = after_s  # pictures up to here were taken or dropped with their frame
         self._dropped, self._told, self._partial = 0, 0, 0
         self._lacking, self._closed = False, False
 

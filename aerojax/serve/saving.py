@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from aerojax.serve.state_files import ServiceState, write_service_state
+from aerojax.serve.trees import NotStorable
 
 
 class Saver:
@@ -43,6 +44,8 @@ class Saver:
         try:
             lost = write_service_state(self._path, state, self._made_with)
             text = f"{lost} cannot be stored: after a restart the background is learnt anew" if lost else ""
+        except NotStorable as error:
+            text = f"{error} cannot be stored: a restart would begin anew"
         except OSError as error:
             text = f"{self._path}: {error.strerror or error}: a restart would go on from an older state"
         if text and text not in self._problems:

@@ -120,7 +120,9 @@ class Service:
         ours = made_with(source.site, pipeline, pipeline.classifier)
         self._state = read_service_state(state, ours) if state.is_file() else ServiceState()
         self._saver = Saver(state, ours, config.save_s)
-        self._intake = Intake(len(source.site.cameras), source.site.fps, config.intake)
+        self._intake = Intake(
+            len(source.site.cameras), source.site.fps, config.intake, after_s=_made_until(self._state, source.site.fps)
+        )
         self._teller = Teller(source.site, pipeline.world_from_rig, config.trust)
         self._figures, self._failed = Figures(), Counter[str]()
         self.ended = datetime.now(UTC)
@@ -275,6 +277,13 @@ class Service:
     def _tell_problems(self) -> None:
         for text in self._saver.problems():
             self._send(message("state", datetime.now(UTC), text=text))
+
+
+def _made_until(state: ServiceState, fps: float) -> float:
+    """Source time up to which frames were made of numbered pictures; streams may have had their clocks set back."""
+    if state.zero_s is None or not state.numbers:
+        return float("-inf")
+    return state.zero_s + state.time_s + 0.5 / fps
 
 
 def _shown(camera: CaptureCamera) -> Mapping[str, object]:

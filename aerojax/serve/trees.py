@@ -43,7 +43,7 @@ def _encoded(value: Any, arrays: dict[str, np.ndarray]) -> Any:
         if not (isinstance(value.dtype, np.dtype) and value.dtype.kind in "biuf"):
             raise NotStorable(f"an array of {value.dtype}")
         name = f"a{len(arrays)}"
-        arrays[name] = np.array(value).reshape(-1)
+        arrays[name] = np.asarray(value).reshape(-1)
         kind = "jax" if isinstance(value, jax.Array) else "numpy" if isinstance(value, np.ndarray) else "scalar"
         return {kind: name, "shape": list(value.shape)}
     if type(value) in (tuple, list, frozenset):

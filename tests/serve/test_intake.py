@@ -148,6 +148,13 @@ def test_what_waits_at_the_end_is_taken_without_waiting(clock):
     assert intake.take(5.0) is None and intake.notices() == (SourceFailed(None, "gone", 1.0),)
 
 
+def test_what_an_earlier_service_made_is_not_made_again(clock):
+    intake = Intake(3, 10.0, IntakeConfig(), after_s=1.05, clock=clock)
+    for camera, moment in ((0, 0.0), (1, 1.0), (0, 1.1), (1, 1.1), (2, 1.1)):
+        intake.put(picture(camera, moment))
+    assert times(intake.take(0.0)) == [1.1, 1.1, 1.1] and [one.late for one in intake.counts()] == [1, 1, 0]
+
+
 @pytest.mark.parametrize(
     ("settings", "named"),
     [

@@ -117,7 +117,7 @@ class GrowingFolder:
         waits = self.config.drop == "never" or number <= files.backlog
         if waits and not intake.has_room(camera):
             return False
-        files.last = number
+        files.put(number)
         picture = self._picture(camera, number)
         if picture is not None:
             intake.put(picture)
@@ -163,26 +163,33 @@ class _Files:
         if self._mask is not None:
             paths.append(self._root / frame_path(self._mask, number))
         missing = [path for path in paths if not self._complete(path)]  # all are looked at, so that all are timed
-        if missing:
-            return None
-        for path in paths:
-            self._sizes.pop(path, None)
-        return number
+        return None if missing else number
+
+    def put(self, number: int) -> None:
+        """Note that a number was put, or passed over."""
+        self.last = number
+        self._sizes.clear()
 
     def _next(self) -> int | None:
         """The next number there is; a frame number that is left out is waited for a little."""
-        number = self.last + 1
-        if self._consecutive and (self._root / frame_path(self._rgb, number)).exists():
-            return number
-        self._list()
         while self._numbers and self._numbers[0] <= self.last:
             self._numbers.popleft()
-        if not self._numbers or not self._consecutive or self.last < 0:
+        if not self._consecutive or self.last < 0:
+            self._list()
             return self._numbers[0] if self._numbers else None
-        now = time.monotonic()
+        number, now = self.last + 1, time.monotonic()
+        if (self._root / frame_path(self._rgb, number)).exists():
+            return number
         if self._gap is None or self._gap[0] != self.last:
             self._gap = (self.last, now)
-        return self._numbers[0] if now - self._gap[1] >= self._settle_s else None
+        if now - self._gap[1] < self._settle_s:
+            return None
+        if not self._numbers:  # folders of many files are not looked through for each of them
+            self._list()
+        if not self._numbers:
+            self._gap = (self.last, now)
+            return None
+        return self._numbers[0]
 
     def _list(self) -> None:
         """Note the numbers of the files after the last one; read again when the folder has changed."""

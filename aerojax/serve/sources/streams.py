@@ -102,6 +102,8 @@ class Streams:
 
     def _follow(self, camera: int, intake: Intake, stop: threading.Event) -> None:
         """One camera's stream, opened anew whenever it ends."""
+        import av
+
         url, failures = self.config.urls[camera], 0
         while not stop.is_set():
             text = "the stream ended"
@@ -109,8 +111,8 @@ class Streams:
                 for picture in self._pictures(camera, url, stop):
                     intake.put(picture)
                     failures = 0
-            except (OSError, ValueError) as error:  # PyAV's errors are of these kinds
-                text = getattr(error, "strerror", None) or type(error).__name__
+            except (av.FFmpegError, OSError, ValueError) as error:
+                text = getattr(error, "strerror", None) or str(error) or type(error).__name__
             if stop.is_set():
                 return
             failures += 1

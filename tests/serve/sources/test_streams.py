@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import replace
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -32,11 +33,11 @@ def site(tmp_path):
 
 def collected(site, config, count: int) -> tuple[list, Intake]:
     source = config.build(site)
-    untriggered = IntakeConfig(wait_s=1.0, tolerance_s=0.049)
+    untriggered = IntakeConfig(wait_s=5.0, tolerance_s=0.049, silent_s=60.0, buffer=100)
     intake, stop = Intake(3, 20.0, untriggered), threading.Event()
     thread = threading.Thread(target=source.run, args=(intake, {}, stop))
     thread.start()
-    found, end = [], time.monotonic() + 30
+    found, end = [], time.monotonic() + 120
     while len(found) < count and time.monotonic() < end:
         taken = intake.take(0.1)
         found += [] if taken is None or None in taken.pictures else [taken.pictures]
@@ -87,6 +88,34 @@ def test_a_camera_of_another_size_is_left_out(site):
     finally:
         for one in cameras:
             one.close()
+
+
+def test_an_address_where_nothing_is_is_tried_again(site):
+    pytest.importorskip("av", reason="av comes with the extra `video`")
+
+    class Nothing(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_error(404)
+
+        def log_message(self, format, *args):
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Nothing) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        url = f"http://127.0.0.1:{server.server_address[1]}/none"
+        intake, stop = Intake(3, 20.0, IntakeConfig()), threading.Event()
+        source = StreamsConfig(urls=(url,) * 3, retry=RetryConfig(0.05, 0.05)).build(site)
+        thread = threading.Thread(target=source.run, args=(intake, {}, stop))
+        thread.start()
+        failed, end = [], time.monotonic() + 60
+        while len(failed) < 6 and time.monotonic() < end:
+            failed += intake.notices()
+            time.sleep(0.01)
+        stop.set()
+        thread.join()
+        server.shutdown()
+    assert {one.camera for one in failed} == {0, 1, 2} and all(url in one.text for one in failed)
+    assert "404" in failed[0].text or "Not Found" in failed[0].text
 
 
 @pytest.mark.parametrize(
