@@ -29,8 +29,9 @@ from aerojax.pipeline.exports.export import export_clip
 from aerojax.pipeline.exports.images import sightings
 from aerojax.pipeline.exports.sapient import ulid
 from aerojax.pipeline.offline import reconstruct_capture
-from aerojax.pipeline.results import result_of, result_schema
+from aerojax.pipeline.results import headline, result_of, result_schema
 from aerojax.pipeline.track_points import size_of, track_points, velocity_at
+from aerojax.pipeline.trust import Reason, Verdict
 from aerojax.reconstruct.hull import HullConfig
 
 SMALL = PipelineConfig(
@@ -97,14 +98,26 @@ def test_the_result_fits_its_schema(classified):
     jsonschema.Draft202012Validator.check_schema(schema)
     jsonschema.validate(result, schema, cls=jsonschema.Draft202012Validator)
     assert set(result) == set(schema["properties"]), "every key is described"
-    assert (result["format"], result["version"]) == ("aerojax-result", 1)
+    assert (result["format"], result["version"]) == ("aerojax-result", 2)
     assert result["dropped"] == {str(BLIND): result["dropped"][str(BLIND)]} and "place" in result["track"][0]
     for key in schema["required"]:
         with pytest.raises(jsonschema.ValidationError, match=f"'{key}' is a required property"):
             jsonschema.validate({k: v for k, v in result.items() if k != key}, schema)
-    for wrong in ({"status": "fine"}, {"version": 2}, {"label": "jet"}, {"track": []}):
+    for wrong in ({"status": "fine"}, {"version": 1}, {"label": "jet"}, {"track": []}, {"familiarity": 2}):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate({**result, **wrong}, schema)
+
+
+def test_what_is_unknown_is_the_label_and_says_why(classified):
+    capture, clip = classified
+    strange = Verdict("ok", (Reason("unfamiliar", "like nothing known"),), 1.0, unknown=True, familiarity=0.004)
+    result = result_of(capture, dataclasses.replace(clip, verdict=strange))
+    assert (result["status"], result["label"], result["familiarity"]) == ("ok", "unknown", 0.004)
+    assert result["most_likely"] in CLASSES and headline(result) == "unknown: like nothing known"
+    doubtful = result_of(capture, dataclasses.replace(clip, verdict=dataclasses.replace(strange, status="unsure")))
+    assert doubtful["label"] is None and headline(doubtful).startswith("not sure (most likely ")
+    known = result_of(capture, dataclasses.replace(clip, verdict=Verdict("ok", (), 1.0)))
+    assert known["label"] == known["most_likely"] == headline(known) and known["familiarity"] is None
 
 
 def test_gaussians_as_files_of_points(classified, exported):
