@@ -11,7 +11,7 @@ from aerojax.core.config import require_at_least
 class RetryConfig:
     """Waits that double from one failure to the next, and begin anew after a success.
 
-    first_s: the first one. most_s: the longest.
+    first_s: after the first failure. most_s: the longest wait.
     """
 
     first_s: float = 0.5
