@@ -463,8 +463,9 @@ def track_labels() -> str:
         sets[name] = wrong.get(key)
     for name, row in sets.items():
         if row is not None:
-            rows.append([name, row["tracks"], row["answered"], row["right"], row["sure"], row["sure_right"]])
-    head = ["", "tracks", "answered", "right", "believed", "of these right"]
+            cells = [row[key] for key in ("tracks", "answered", "right", "sure", "sure_right", "unknown")]
+            rows.append([name, *cells])
+    head = ["", "tracks", "with a likeliest class", "right", "with a class as answer", "right", "called unknown"]
     return markdown(head, rows) if rows else "Not measured yet."
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.capture.format import Capture, read_capture
+from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json
@@ -82,7 +83,8 @@ def _rows(config: Config, progress: Callable[[int, int, str], None]) -> Iterable
     if not {"masks", "masks_poses"} & set(config.only):
         return
     captures = _captures(config, progress)
-    asked = Asked(config.pipeline, load_classifier(config.weights), config.trust, config.seed)
+    known = load_classifier(config.weights), load_familiarity(config.weights)
+    asked = Asked(config.pipeline, *known, config.trust, config.seed)
     for number, capture in enumerate(captures if "masks" in config.only else ()):
         progress(number, len(captures), "masks")
         yield "masks", recorded.tracks_row(capture, asked)

@@ -10,6 +10,7 @@ import numpy as np
 
 from aerojax.capture.format import Capture
 from aerojax.classify.base import Classifier
+from aerojax.classify.familiarity import Familiarity
 from aerojax.evaluate.tracking import TrackingFrame, owners, tracking_figures
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.several import TracksOfRecording, classify_tracks
@@ -25,10 +26,11 @@ from experiments._tracking.detections import MeasuredConfig, Row, recovered, wit
 
 @dataclass(frozen=True)
 class Asked:
-    """What captures are put through."""
+    """What captures are put through; familiarity: of the classifier, None to call nothing unknown."""
 
     pipeline: PipelineConfig
     classifier: Classifier
+    familiarity: Familiarity | None
     trust: TrustConfig
     seed: int
 
@@ -51,7 +53,8 @@ def poses_row(capture: Capture, number: int, asked: Asked, measured: MeasuredCon
 
 
 def _classified(capture: Capture, asked: Asked) -> TracksOfRecording:
-    pipeline = make_pipeline(capture.cameras, asked.pipeline, asked.classifier, key=jax.random.key(asked.seed))
+    made = capture.cameras, asked.pipeline, asked.classifier
+    pipeline = make_pipeline(*made, key=jax.random.key(asked.seed), familiarity=asked.familiarity)
     source, preview = capture_frames(capture), capture_preview(capture)
     return classify_tracks(pipeline, source, preview, trust=asked.trust, fps=capture.fps)
 
@@ -72,17 +75,21 @@ def _labelled(found: TracksOfRecording, frames: Sequence[TrackingFrame], capture
     rows = []
     for track, thing in owners(frames).items():
         answer = found.answers.get(track)
-        said = {"label": None, "status": None, "frames": 0}
+        said = {"label": None, "status": None, "unknown": False, "frames": 0}
         if answer is not None:
-            said = {"label": answer.label, "status": answer.verdict.status, "frames": answer.frames}
+            verdict = {"status": answer.verdict.status, "unknown": answer.verdict.unknown}
+            said = {"label": answer.label, **verdict, "frames": answer.frames}
         rows.append({"track": track, "object": thing, "true": classes[thing], **said})
     return rows
 
 
 def count_answers(tracks: Sequence[Row]) -> dict[str, int]:
-    """Tracks, those with an answer, those whose answer is to be believed, and how many of both are right."""
+    """Tracks, those with a likeliest class, those of which a class is the answer, and how many of both are right.
+
+    Of the others, how many are called unknown.
+    """
     answered = [one for one in tracks if one["label"] is not None]
-    sure = [one for one in answered if one["status"] == "ok"]
+    sure = [one for one in answered if one["status"] == "ok" and not one["unknown"]]
     right = [sum(one["label"] == one["true"] for one in some) for some in (answered, sure)]
     return {
         "tracks": len(tracks),
@@ -90,4 +97,5 @@ def count_answers(tracks: Sequence[Row]) -> dict[str, int]:
         "right": right[0],
         "sure": len(sure),
         "sure_right": right[1],
+        "unknown": sum(one["status"] == "ok" and one["unknown"] for one in answered),
     }
