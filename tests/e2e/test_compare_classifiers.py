@@ -89,3 +89,29 @@ def test_steps_are_held_against_the_row_before(clips, monkeypatch, tmp_path, cap
     assert more["difference"]["accuracy"] == pytest.approx(gap)
     page = (tmp_path / "sweep/table.md").read_text()
     assert page in capsys.readouterr().out and "| more_clips | 1,200 clips of the same individuals | 4 of 4 |" in page
+
+
+@pytest.mark.long
+def test_studies_are_held_against_the_whole(clips, monkeypatch, tmp_path):
+    rows = ("rows=studies", "classifier=E_X,without_mamba", "seed=0")
+    small = ("model.d_model=32", "model.mamba_layers=1", "model.depth=1", "variation.frames=4")
+    compare(monkeypatch, tmp_path, clips, *small, f"validation=[{clips}]", which=rows)
+    table = json.loads((tmp_path / "sweep/table.json").read_text())
+    whole, less = table["rows"]
+    assert [whole["classifier"], less["classifier"]] == ["E_X", "without_mamba"] and whole["difference"] is None
+    gap = less["tests"]["all"]["accuracy"]["mean"] - whole["tests"]["all"]["accuracy"]["mean"]
+    assert less["difference"]["accuracy"] == pytest.approx(gap) and less["change"].startswith("a mean over the frames")
+    assert (tmp_path / "sweep/table.svg").read_text().startswith("<svg")
+
+
+@pytest.mark.long
+def test_other_networks_are_turned_and_read_whole(clips, monkeypatch, tmp_path):
+    rows = ("rows=baselines", "classifier=p4transformer_so3,vn_pointnet", "seed=0")
+    compare(monkeypatch, tmp_path, clips, "variation.frames=4", which=rows)
+    table = json.loads((tmp_path / "sweep/table.json").read_text())
+    found = {row["classifier"]: row for row in table["rows"]}
+    assert found["p4transformer_so3"]["trained"] == "so3" and found["p4transformer_so3"]["member"] == "p4transformer"
+    invariant = found["vn_pointnet"]["turned"]
+    assert len({figure["mean"] for figure in invariant.values()}) == 1
+    assert found["vn_pointnet"]["tests"]["rig"]["clips"] == 4 and found["vn_pointnet"]["difference"] is None
+    assert "| vn_pointnet | VN-PointNet, small |" in (tmp_path / "sweep/table.md").read_text()
