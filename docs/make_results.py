@@ -218,6 +218,20 @@ def steps() -> str:
     return markdown([*head, "sim1", "sim2", "random", "sim3"], rows)
 
 
+def networks() -> str:
+    """MambaSplat-4D beside other networks: turned windows, and whole clips less those of E(X)."""
+    rows = []
+    for row in load("compare_classifiers_baselines")["rows"]:
+        turned = [_spread(row["turned"][kind]) for kind in ("none", "z", "so3", "so3_per_frame")]
+        whole, gap = row["tests"]["all"], row["difference"]
+        clips = f"{_spread(whole['accuracy'])} {_between(*whole['interval_95'])}"
+        less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {_between(gap['low'], gap['high'], '+.1f')}"
+        about = row["label"], f"{row['parameters']:,}", row["trained"], len(row["seeds"])
+        rows.append([f"`{row['classifier']}`", *about, *turned, clips, less])
+    head = ["row", "network", "parameters", "trained", "seeds", "none", "z", "SO(3)", "SO(3) a frame", "whole clips, %"]
+    return markdown([*head, "less `E_X`"], rows)
+
+
 def ensembles() -> str:
     """The ablation's networks averaged over their seeds, and calibration with and without a temperature."""
     rows = []
@@ -535,7 +549,8 @@ def unknown_by_set() -> str:
 def plots() -> dict[str, str]:
     """Plots of the figures, by their places in docs/."""
     found = load("measure_frames_small")
-    drawn = {"plots/steps.svg": comparison_svg(load("compare_classifiers_steps")["rows"])}
+    tables = {"steps": "compare_classifiers_steps", "networks": "compare_classifiers_baselines"}
+    drawn = {f"plots/{name}.svg": comparison_svg(load(table)["rows"]) for name, table in tables.items()}
     for model in found["models"]:
         every = temporal_plots(model["name"], model, found["classes"])
         drawn |= {f"plots/{name}_{model['name']}.svg": every[name] for name in ("frames", "shuffled")}
@@ -552,6 +567,7 @@ TABLES: dict[str, Callable[[], str]] = {
         ranges,
         features,
         steps,
+        networks,
         ensembles,
         rotations,
         frames,
