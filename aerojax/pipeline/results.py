@@ -43,14 +43,13 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
     assert clip.log_probabilities is not None  # there was a classifier
     probabilities = dict(zip(CLASSES, np.exp(clip.log_probabilities[-1]).tolist(), strict=True))
     most_likely = max(probabilities, key=lambda name: probabilities[name])
-    answer = UNKNOWN if clip.verdict.unknown else most_likely
     return {
         "format": FORMAT,
         "version": VERSION,
         "capture": str(capture.folder),
         "status": clip.verdict.status,
         "reasons": [{"code": reason.code, "text": reason.text} for reason in clip.verdict.reasons],
-        "label": answer if clip.verdict.status == "ok" else None,
+        "label": answer_of(clip),
         "most_likely": most_likely,
         "probabilities": probabilities,
         "familiarity": clip.verdict.familiarity,
@@ -64,6 +63,14 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         "latency_ms": clip.latency_ms,
         "track": [point_json(point) for point in track_points(capture, clip)],
     }
+
+
+def answer_of(clip: Clip) -> str | None:
+    """The answer: a class, "unknown", or None where the verdict's status is not ok."""
+    assert clip.log_probabilities is not None  # there was a classifier
+    if clip.verdict.status != "ok":
+        return None
+    return UNKNOWN if clip.verdict.unknown else CLASSES[int(np.argmax(clip.log_probabilities[-1]))]
 
 
 def point_json(point: TrackPoint) -> dict[str, Any]:

@@ -17,14 +17,15 @@ from aerojax.data.exports.coco import CATEGORIES
 from aerojax.data.exports.run_length import encode_mask
 from aerojax.pipeline.exports.images import sightings
 from aerojax.pipeline.offline import Clip
+from aerojax.pipeline.results import answer_of
 from aerojax.pipeline.track_points import TrackPoint
 
 
 def export_coco(capture: Capture, clip: Clip, points: tuple[TrackPoint, ...], path: Path) -> Path:
     """Write images and annotations; the category is the likeliest class of the whole clip, `score` its probability.
 
-    Beyond COCO's own keys, images carry `camera`, `frame` and `folder`, annotations `score`, `track_id` and the `label`
-    so far.
+    Beyond COCO's own keys, images carry `camera`, `frame` and `folder`, annotations `score`, `track_id`, the `label`
+    so far and the whole clip's `answer`: a class, "unknown", or null where there is none.
     """
     last = points[-1]
     by_frame = {point.frame: point for point in points}
@@ -44,6 +45,7 @@ def export_coco(capture: Capture, clip: Clip, points: tuple[TrackPoint, ...], pa
                 "score": last.probabilities[last.label],
                 "track_id": 1,
                 "label": by_frame[seen.frame].label,
+                "answer": answer_of(clip),
             }
         )
     info = {"description": f"aerojax: {capture.folder.name}", "version": "1.0"}

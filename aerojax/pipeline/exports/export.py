@@ -13,13 +13,14 @@ from aerojax.pipeline.exports.sapient import export_sapient, require_sapient
 from aerojax.pipeline.exports.tables import export_csv, export_jsonl
 from aerojax.pipeline.exports.video import export_videos
 from aerojax.pipeline.offline import Clip
+from aerojax.pipeline.results import answer_of
 from aerojax.pipeline.track_points import track_points
 
 ExportName = Literal["ply", "usd", "csv", "jsonl", "coco", "video", "sapient"]
 """What can be taken along:
 
 ply: the Gaussians, a file a frame. usd: the same as one stage with time samples.
-csv, jsonl: the track with time, position, velocity, size and label so far.
+csv, jsonl: the track with time, position, velocity, size and label so far, and the answer.
 coco: masks and boxes back in each image. video: overlay videos of each camera and a mosaic.
 sapient: detection reports of BSI Flex 335.
 """
@@ -64,8 +65,8 @@ def export_clip(
     write: dict[str, Callable[[], Path]] = {
         "ply": lambda: export_ply(clip, folder / "ply"),
         "usd": lambda: export_usd(capture, clip, folder / "gaussians.usdc"),
-        "csv": lambda: export_csv(points, folder / "track.csv"),
-        "jsonl": lambda: export_jsonl(points, folder / "track.jsonl"),
+        "csv": lambda: export_csv(points, answer_of(clip), folder / "track.csv"),
+        "jsonl": lambda: export_jsonl(points, answer_of(clip), folder / "track.jsonl"),
         "coco": lambda: export_coco(capture, clip, points, folder / "coco.json"),
         "video": lambda: export_videos(capture, clip, points, folder / "video", progress=progress),
         "sapient": lambda: export_sapient(capture, points, folder / "sapient.jsonl", began),

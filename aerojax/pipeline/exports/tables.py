@@ -17,12 +17,13 @@ COLUMNS = (
     "label",
     *(f"p_{name}" for name in CLASSES),
     *("latitude_deg", "longitude_deg", "height_above_ellipsoid_m"),
+    "answer",
 )
-"""Of the CSV file; what is not known is empty."""
+"""Of the CSV file; what is not known is empty. `label` is the likeliest class so far, `answer` the whole clip's."""
 
 
-def export_csv(points: Sequence[TrackPoint], path: Path) -> Path:
-    """One line a frame, after a line with the columns."""
+def export_csv(points: Sequence[TrackPoint], answer: str | None, path: Path) -> Path:
+    """One line a frame, after a line with the columns; `answer` as `answer_of` has it."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -30,13 +31,14 @@ def export_csv(points: Sequence[TrackPoint], path: Path) -> Path:
     for point in points:
         probabilities = [point.probabilities[name] for name in CLASSES]
         known = (*point.position, *(point.velocity or nothing), *(point.size or nothing))
-        writer.writerow([point.frame, point.time_s, *known, point.label, *probabilities, *(point.place or nothing)])
+        place = point.place or nothing
+        writer.writerow([point.frame, point.time_s, *known, point.label, *probabilities, *place, answer])
     write_text(path, text.getvalue())
     return path
 
 
-def export_jsonl(points: Sequence[TrackPoint], path: Path) -> Path:
-    """One JSON object a line: a point of the track of `result.json`, and its label so far."""
-    lines = [json_text({**point_json(point), "label": point.label}, indent=None) for point in points]
+def export_jsonl(points: Sequence[TrackPoint], answer: str | None, path: Path) -> Path:
+    """One JSON object a line: a point of the track of `result.json`, its label so far, and the whole clip's answer."""
+    lines = [json_text({**point_json(point), "label": point.label, "answer": answer}, indent=None) for point in points]
     write_text(path, "".join(lines))
     return path

@@ -162,6 +162,17 @@ def test_the_track_as_tables(classified, exported):
         assert float(row["latitude_deg"]) == line["place"][0] and tuple(line["velocity"]) == point.velocity
 
 
+@pytest.mark.parametrize(("status", "unknown"), [("ok", False), ("ok", True), ("unsure", False), ("unsure", True)])
+def test_exports_carry_the_answer_and_none_where_there_is_none(classified, tmp_path, status, unknown):
+    capture, clip = classified
+    changed = dataclasses.replace(clip, verdict=dataclasses.replace(clip.verdict, status=status, unknown=unknown))
+    answer = None if status != "ok" else "unknown" if unknown else track_points(capture, clip)[-1].label
+    written = export_clip(capture, changed, ["csv", "jsonl", "coco"], tmp_path)
+    assert {json.loads(line)["answer"] for line in written["jsonl"].read_text().splitlines()} == {answer}
+    assert {row["answer"] for row in csv.DictReader(written["csv"].read_text().splitlines())} == {answer or ""}
+    assert {one["answer"] for one in json.loads(written["coco"].read_text())["annotations"]} == {answer}
+
+
 def overlap(one, other):
     return (one & other).sum() / (one | other).sum()
 
