@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ from rich.console import Console
 from aerojax.capture.format import read_capture
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes, write_json
+from aerojax.core.provenance import provenance
 from aerojax.evaluate.images import image_figures
 from aerojax.gaussians.io.placement import place
 from aerojax.gaussians.io.ply import write_ply
@@ -95,10 +98,24 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
     return results
 
 
+def overall(fits: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Medians over captures of the held-out view: dB on the object, and gained over the hull. Nothing without fits."""
+    fitted, hull = (
+        np.array([fit[f"{name}_held_out_view"]["foreground_psnr_db"] for fit in fits]) for name in ("fitted", "hull")
+    )
+    return {"median_db": float(np.median(fitted)), "median_gain_db": float(np.median(fitted - hull))} if fits else {}
+
+
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Captures in; per capture a folder with metrics and Gaussians, and summary.json, out. Code 1 if one failed."""
     console, summary, failed = Console(), [], []
+    notes: dict[str, Any] = {
+        "seed": config.seed,
+        "command": run.command,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    notes |= provenance(run.overrides)
     if not config.captures:
         folder = config.capture or sample_capture(config.sample, config.assets)
         summary = [fit_capture(config, folder, run.directory)]
@@ -107,7 +124,7 @@ def main(config: Config, run: Run) -> None:
             summary.append({**fit_capture(config, folder, run.directory / name), "results": name})
         except (UserError, OSError) as error:
             failed.append({"capture": str(folder), **failure(error)})
-        write_json(run.directory / "summary.json", {"fits": summary, "failed": failed})
+        write_json(run.directory / "summary.json", {"fits": summary, "failed": failed, **overall(summary), **notes})
     for one in summary:
         before, after = (one[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
         console.print(f"{one['capture']}: held-out view {after:.2f} dB on the object (hull {before:.2f} dB)")
