@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from jaxtyping import Float
 from rich.console import Console
 
 from aerojax.core.files import write_json
+from aerojax.core.provenance import provenance
 from aerojax.core.seeds import seed_of
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.dataset_qa.colour_leak import CLASSIFIERS, colour_statistics, measure_leak
@@ -103,7 +105,8 @@ def measure(config: Config) -> dict[str, Any]:
 def main(config: Config, run: Run) -> None:
     """Write results.json and print one line a classifier."""
     results = measure(config)
-    write_json(run.directory / "results.json", results)
+    notes = {"seed": config.seed, "command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
+    write_json(run.directory / "results.json", {**results, **notes, **provenance(run.overrides)})
     for name, leak in results.items():
         if isinstance(leak, dict) and "balanced" in leak:
             low, high = leak["interval"]
