@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import json
 import os
 import re
 import shlex
@@ -150,20 +151,24 @@ def test_links_lead_somewhere(path):
 
 
 def commands() -> list[list[str]]:
-    """Every command of the pages that starts an act, without what its line says of it."""
+    """Every command of the pages and of results that starts an act, without what its line says of it."""
     lines = [line for path in PAGES for block in fenced(path, "sh", "") for line in block.splitlines()]
+    lines += [
+        json.loads(path.read_text(encoding="utf-8"))["command"] for path in sorted((ROOT / "results").glob("*.json"))
+    ]
     found = [re.fullmatch(r"(?:\.venv/bin/)?(?:python -m experiments\.|aerojax )(\w+.*)", line) for line in lines]
-    return [shlex.split(one[1], comments=True) for one in found if one]
+    return [shlex.split(one[1], comments=True) for one in found if one and not one[1].startswith("benchmark ")]
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
 def test_commands_are_understood(words):
     """Acts, keys and values of the pages' commands are those that there are."""
     act, *given = words
-    multirun = "-m" in given
+    multirun = "-m" in given or act == "compare_classifiers"
     values = with_keys([word for word in given if word != "-m"], config_of(act))
     if multirun:  # values of a sweep are composed one at a time
         values = [re.sub(r"=range\(.*\)$", "=0", value) for value in values if not value.startswith("hydra/")]
+        values = [re.sub(r"=(\w+),.*$", r"=\1", value) for value in values]
     to_dataclass(values_of(act, *with_quotes(values, config_of(act))), config_of(act))
 
 
