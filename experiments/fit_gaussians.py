@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +16,13 @@ from rich.console import Console
 from aerojax.capture.format import read_capture
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes, write_json
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.images import image_figures
 from aerojax.gaussians.io.placement import place
 from aerojax.gaussians.io.ply import write_ply
 from aerojax.gaussians.io.usd import write_usd
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.offline import observe_frame
-from aerojax.reconstruct.fit.held_out import render_beside_views, split_views
+from aerojax.reconstruct.fit.held_out import held_out_medians, render_beside_views, split_views
 from aerojax.reconstruct.fit.matte import matted_views
 from aerojax.reconstruct.fit.optimise import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.fit.start import only_real
@@ -77,12 +74,11 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
         def report(done: int, loss: float) -> None:
             bar.update(task, completed=done, description=f"loss {loss:.4f}")
 
-        key = jax.random.key(config.seed)
-        fitted = fit_gaussians(hull, matted_fitting, config=config.fit, key=key, report=report)
+        fitted = fit_gaussians(hull, matted_fitting, config=config.fit, key=jax.random.key(config.seed), report=report)
     results: dict[str, Any] = {"capture": capture.folder.name, "frame": config.frame, "gaussians": len(fitted.mean)}
     results |= {"fitting_views": len(fitting.mask), "held_out_views": 1, "crop_px": config.pipeline.crop_size}
     matte = "coverage" if all(c.coverage for c in capture.cameras) else "estimated"
-    results |= {"steps": config.fit.steps, "seconds": time.perf_counter() - began, "matte": matte}
+    results |= {"steps": config.fit.steps, "seconds": time.perf_counter() - began, "matte": matte, "seed": config.seed}
     directory.mkdir(parents=True, exist_ok=True)
     for name, gaussians in (("hull", hull), ("fitted", fitted)):
         for where, views in (("fitting_views", fitting), ("held_out_view", held_out)):
@@ -98,24 +94,10 @@ def fit_capture(config: Config, folder: Path, directory: Path) -> dict[str, Any]
     return results
 
 
-def overall(fits: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Medians over captures of the held-out view: dB on the object, and gained over the hull. Nothing without fits."""
-    fitted, hull = (
-        np.array([fit[f"{name}_held_out_view"]["foreground_psnr_db"] for fit in fits]) for name in ("fitted", "hull")
-    )
-    return {"median_db": float(np.median(fitted)), "median_gain_db": float(np.median(fitted - hull))} if fits else {}
-
-
 @experiment(Config)
 def main(config: Config, run: Run) -> None:
     """Captures in; per capture a folder with metrics and Gaussians, and summary.json, out. Code 1 if one failed."""
     console, summary, failed = Console(), [], []
-    notes: dict[str, Any] = {
-        "seed": config.seed,
-        "command": run.command,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-    }
-    notes |= provenance(run.overrides)
     if not config.captures:
         folder = config.capture or sample_capture(config.sample, config.assets)
         summary = [fit_capture(config, folder, run.directory)]
@@ -124,7 +106,8 @@ def main(config: Config, run: Run) -> None:
             summary.append({**fit_capture(config, folder, run.directory / name), "results": name})
         except (UserError, OSError) as error:
             failed.append({"capture": str(folder), **failure(error)})
-        write_json(run.directory / "summary.json", {"fits": summary, "failed": failed, **overall(summary), **notes})
+        whole = {"fits": summary, "failed": failed, **held_out_medians(summary), **run.origin}
+        write_json(run.directory / "summary.json", whole)
     for one in summary:
         before, after = (one[f"{name}_held_out_view"]["foreground_psnr_db"] for name in ("hull", "fitted"))
         console.print(f"{one['capture']}: held-out view {after:.2f} dB on the object (hull {before:.2f} dB)")

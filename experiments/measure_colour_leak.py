@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from jaxtyping import Float
 from rich.console import Console
 
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.core.seeds import seed_of
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.dataset_qa.colour_leak import CLASSIFIERS, colour_statistics, measure_leak
@@ -105,8 +103,7 @@ def measure(config: Config) -> dict[str, Any]:
 def main(config: Config, run: Run) -> None:
     """Write results.json and print one line a classifier."""
     results = measure(config)
-    notes = {"seed": config.seed, "command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "results.json", {**results, **notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**results, "seed": config.seed, **run.origin})
     for name, leak in results.items():
         if isinstance(leak, dict) and "balanced" in leak:
             low, high = leak["interval"]

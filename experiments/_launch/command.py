@@ -18,6 +18,7 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -62,6 +63,12 @@ class Run:
     def command(self) -> str:
         """The command line that started it."""
         return " ".join([f"python -m experiments.{self.name}", *self.overrides])
+
+    @property
+    def origin(self) -> dict[str, Any]:
+        """What a result says of how it was made: command, date, and what is needed to make it again."""
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        return {"command": self.command, "date": now, **provenance(self.overrides)}
 
 
 def experiment(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -42,3 +45,15 @@ def render_beside_views(
     background = background_colour(views.rgb, views.mask)
     rendered = render(gaussians, views.camera, background=background, antialias=antialias).colour
     return rendered, over_even_background(views.rgb, views.mask, background)
+
+
+def held_out_medians(fits: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Medians over captures of the held-out view: dB on the object, and gained over the hull. Nothing without fits.
+
+    Args:
+        fits: each with the `image_figures` of `fitted_held_out_view` and `hull_held_out_view`.
+    """
+    fitted, hull = (
+        np.array([fit[f"{name}_held_out_view"]["foreground_psnr_db"] for fit in fits]) for name in ("fitted", "hull")
+    )
+    return {"median_db": float(np.median(fitted)), "median_gain_db": float(np.median(fitted - hull))} if fits else {}

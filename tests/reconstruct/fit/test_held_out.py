@@ -12,7 +12,7 @@ from support.splat_scenes import LOOKING_ALONG_Z, QUICK, single
 
 from aerojax.core.errors import UserError
 from aerojax.core.types import View
-from aerojax.reconstruct.fit.held_out import render_beside_views, split_views
+from aerojax.reconstruct.fit.held_out import held_out_medians, render_beside_views, split_views
 
 
 def views_of(count):
@@ -38,3 +38,13 @@ def test_both_images_have_the_views_own_background():
     rendered, target = compare(single((0, 0, -1), 0.1), views)
     np.testing.assert_allclose(rendered, views.rgb, atol=1e-6)
     np.testing.assert_allclose(target, views.rgb, atol=1e-6)
+
+
+def test_medians_are_of_what_was_fitted_and_of_what_it_gained():
+    figures = [(20.0, 14.0), (24.0, 23.0), (19.0, 20.0)]
+    fits = [
+        {f"{name}_held_out_view": {"foreground_psnr_db": db} for name, db in zip(("fitted", "hull"), pair, strict=True)}
+        for pair in figures
+    ]
+    assert held_out_medians(fits) == {"median_db": 20.0, "median_gain_db": 1.0}
+    assert held_out_medians([]) == {}
