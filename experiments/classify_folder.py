@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from aerojax.classify.familiarity import Familiarity, load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline.config import PipelineConfig
@@ -103,8 +101,7 @@ def main(config: Config, run: Run) -> None:
                     figures = label_figures(np.stack([x for x, _ in known]), np.array([c for _, c in known]))
             except (UserError, OSError) as error:
                 rows.append({"capture": name, "error": failure(error)})
-            made = {"command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
-            content = {"captures": rows, "figures": figures, "classes": CLASSES, **made, **provenance(run.overrides)}
+            content = {"captures": rows, "figures": figures, "classes": CLASSES, **run.origin}
             write_json(run.directory / "metrics.json", content)  # after each, so that a killed run leaves what it knows
     show(Console(), rows, figures)
     failed = sum("error" in row for row in rows)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from typing import Any, get_args
 
 import jax
@@ -16,7 +15,6 @@ from aerojax.classify.baselines.config import Mamba4DConfig, P4TransformerConfig
 from aerojax.classify.mambasplat import cost as mambasplat
 from aerojax.classify.mambasplat.config import Mode, published_config
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.core.tensors import parameter_count
 from aerojax.reconstruct.depthsplat.config import parity_config
 from aerojax.reconstruct.depthsplat.cost import part_sizes, published_operations
@@ -79,9 +77,8 @@ def main(config: Config, run: Run) -> None:
     for row in rows:
         table.add_row(row["network"], f"{row['parameters']:,}", "-" if row["gflop"] is None else f"{row['gflop']:.2f}")
     Console().print(table)
-    notes = {"frames": config.frames, "tokens": config.tokens, "views": config.views, "command": run.command}
-    notes |= {"date": datetime.now(UTC).isoformat(timespec="seconds"), **provenance(run.overrides)}
-    write_json(run.directory / "results.json", {"rows": rows, **notes})
+    notes = {"frames": config.frames, "tokens": config.tokens, "views": config.views}
+    write_json(run.directory / "results.json", {"rows": rows, **notes, **run.origin})
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from rich.table import Table
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.core.workers import run_in_order
 from aerojax.data.clips import clip_files, load_clip
 from aerojax.data.splits import Split
@@ -62,8 +60,7 @@ def main(config: Config, run: Run) -> None:
         figures = f"{row['amplitude']:.3f}", str(row["strongest_bin"]), f"{100 * row['periodic']:.0f}"
         table.add_row(row["class"], ends, str(row["clips"]), *figures)
     Console().print(table)
-    notes = {"split": config.split, "command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "results.json", {**described, **notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**described, "split": config.split, **run.origin})
     Console().print(str(run.directory / "results.json"), soft_wrap=True)
 
 

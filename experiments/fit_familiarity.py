@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ from aerojax.classify.familiarity import Familiarity, familiarity_path, fit_fami
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json, write_text
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.answers import answers_with_features, load_split
 from aerojax.evaluate.unknown import rejection, separation
 from aerojax.pipeline.factory.write import OUTLIERS
@@ -77,13 +75,11 @@ def main(config: Config, run: Run) -> None:
     familiarity, counts = _fitted(config, classifier, console)
     found = _figures(config, classifier, familiarity)
     record: dict[str, Any] = {
-        "command": run.command,
         "seed": config.seed,
         "clips": list(map(str, config.clips)),
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
         **counts,
         "validation": found,
-        **provenance(run.overrides),
+        **run.origin,
     }
     page = save_familiarity(config.weights, familiarity, record).with_suffix(".md")
     write_text(page, familiarity_markdown(classifier.card.name, record))

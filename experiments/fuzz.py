@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import tempfile
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -13,7 +12,6 @@ from rich.table import Table
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_bytes, write_json
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.fuzz.campaign import fuzz
 from aerojax.evaluate.fuzz.workers import Limits, Tally, changed_files, run_case
 from experiments._fuzz.targets import TARGETS, make_targets
@@ -90,8 +88,7 @@ def main(config: Config, run: Run) -> None:
         **counts,
     }
     results |= {"limits": asdict(config.limits), "findings": [asdict(found) for found in tally.findings.values()]}
-    results |= {"command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "metrics.json", {**results, **provenance(run.overrides)})
+    write_json(run.directory / "metrics.json", {**results, **run.origin})
     console = Console()
     show(tally, console)
     console.print(f"{tally.inputs} inputs, {len(tally.findings)} findings: {run.directory / 'metrics.json'}")

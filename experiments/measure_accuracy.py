@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from rich.table import Table
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.core.types import CLASSES
 from aerojax.data.manifest import read_datasets
 from aerojax.data.splits import Split
@@ -103,9 +101,9 @@ def main(config: Config, run: Run) -> None:
     console, figures = Console(), _figures(config, _answers(config))
     console.print(_table(figures))
     console.print(f"lost: sequences without a clip, wrong; of: individuals; recall: of {', '.join(CLASSES)}, %")
-    notes = {"device": jax.devices()[0].device_kind, "command": run.command, "seed": config.seed, "classes": CLASSES}
-    notes |= {"weights": str(config.weights or "shipped"), "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "results.json", {**figures, **notes, **provenance(run.overrides)})
+    notes = {"device": jax.devices()[0].device_kind, "seed": config.seed, "classes": CLASSES}
+    notes |= {"weights": str(config.weights or "shipped")}
+    write_json(run.directory / "results.json", {**figures, **notes, **run.origin})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 
 

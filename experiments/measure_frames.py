@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from rich.table import Table
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json, write_text
-from aerojax.core.provenance import provenance
 from aerojax.data.clips import load_clips
 from aerojax.evaluate.temporal import TemporalTrials, temporal_answers, temporal_figures
 from aerojax.view.temporal import temporal_plots
@@ -63,8 +61,7 @@ def main(config: Config, run: Run) -> None:
             write_text(run.directory / f"{Path(name).stem}_{plot}.svg", text)
     Console().print(_table(models))
     notes = {"classes": clips.classes, "orders": config.trials.orders, "seed": config.trials.seed}
-    notes |= {"command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "results.json", {"models": models, **notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {"models": models, **notes, **run.origin})
     Console().print(str(run.directory / "results.json"), soft_wrap=True)
 
 

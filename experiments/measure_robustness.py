@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from rich.console import Console
 from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json, write_text
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.groups import AnsweredClips, AskedClip, answer_folder
 from aerojax.evaluate.robustness import TITLES, LevelAnswers, robustness_markdown, robustness_rows
 from aerojax.pipeline.config import clip_settings
@@ -85,12 +83,10 @@ def main(config: Config, run: Run) -> None:
         "rows": rows,
         "undrawn": made.undrawn,
         "factory": to_mapping(config.factory),
-        "command": run.command,
         "seeds": {"clips": config.factory.seed, "intervals": config.seed},
         "device": jax.devices()[0].device_kind,
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    write_json(run.directory / "results.json", {**notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**notes, **run.origin})
     console.print((run.directory / "table.md").read_text(), soft_wrap=True)
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 

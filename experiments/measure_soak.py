@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.soak import Soaked, soak
 from aerojax.pipeline.step import make_pipeline
@@ -105,8 +103,7 @@ def main(config: Config, run: Run) -> None:
         "pixels": [c.width * c.height for c in capture.cameras],
     }
     notes = {"classifier": classifier.card.name, "pipeline": to_mapping(config.pipeline), "seed": config.seed, **sizes}
-    notes |= {"command": run.command, "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "results.json", {**figures, **notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**figures, **notes, **run.origin})
     show(figures, Console())
     Console().print(str(run.directory / "results.json"), soft_wrap=True)
 

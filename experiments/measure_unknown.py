@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.data.splits import Split
 from aerojax.evaluate.unknown import alarms, rejection, separation
 from aerojax.pipeline.factory.write import OUTLIERS
@@ -90,9 +88,9 @@ def main(config: Config, run: Run) -> None:
     console.print(_table(figures, ["all", *(folder.name for folder in config.also)]))
     for kind, share in figures["all"]["strange_by_group"].items():
         console.print(f"{kind}: {share:.1%} of {figures['outliers'][kind]} called unknown")
-    notes = {"device": jax.devices()[0].device_kind, "command": run.command, "seed": config.seed}
-    notes |= {"weights": str(config.weights or "shipped"), "date": datetime.now(UTC).isoformat(timespec="seconds")}
-    write_json(run.directory / "results.json", {**figures, **notes, **provenance(run.overrides)})
+    notes = {"device": jax.devices()[0].device_kind, "seed": config.seed}
+    notes |= {"weights": str(config.weights or "shipped")}
+    write_json(run.directory / "results.json", {**figures, **notes, **run.origin})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 
 
