@@ -130,7 +130,7 @@ def test_the_last_tolerated_level_is_the_one_before_the_first_loss(results, monk
         )
         for value, loss in levels
     ]
-    monkeypatch.setattr(results, "load", lambda name: {"rows": rows})
+    monkeypatch.setattr("result_tables.load", lambda name: {"rows": rows})
     lines = dict(line.strip("| ").split(" | ", 1) for line in results.tolerances().splitlines()[2:])
     assert lines["cameras turned, °"] == "0 to 1 | 0.3 (86.0 %) | 1 (70.0 %)"
     assert lines["masks eroded, pixels"] == "0 to 2 | 1 (90.0 %) | 2 (60.0 %)"

@@ -83,4 +83,4 @@ def network_markdown(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _less(gap: Mapping[str, float] | None) -> str:
-    return "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], sign='+')}"
+    return "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], how='+.1f')}"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from aerojax.evaluate.markdown import table_lines
 from experiments._tracking.detections import Row
 from experiments._tracking.recorded import count_answers
 
@@ -56,8 +57,8 @@ def _added(answers: Sequence[Mapping[str, Mapping[str, int]]]) -> dict[str, dict
 def table(found: Mapping[str, Mapping[str, Any]]) -> str:
     """A Markdown table of `summary`: median, and the worst in brackets."""
     head = ["rows", "scenes", *FIGURES.values()]
-    lines = [head, ["---"] * len(head)]
+    rows = []
     for kind, figures in found.items():
         cells = [f"{figures[k]['median']:.3g} ({figures[k]['worst']:.3g})" if k in figures else "" for k in FIGURES]
-        lines.append([kind, str(figures["scenes"]), *cells])
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        rows.append([kind, str(figures["scenes"]), *cells])
+    return "\n".join(table_lines(head, rows))
