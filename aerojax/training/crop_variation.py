@@ -1,4 +1,4 @@
-"""How crops are varied in training: rolled, mirrored, shrunk, their edges moved, cameras left out."""
+"""How crops are varied in training: hidden in part, rolled, shrunk, coarser, their edges moved, cameras left out."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from jaxtyping import Array, Bool, Float, Key
 from aerojax.core.errors import UserError
 from aerojax.core.types import Crops
 from aerojax.geometry.resampling import sample_bilinear
+from aerojax.training.crop_degradation import coarsen, hide, seen_window
+
+_LIMITS = (("edge", 0.45), ("blur", 1.0), ("drop", 1.0), ("lose", 1.0), ("hide", 1.0), ("coarse", 1.0))
+"""Largest values of the fields that are shares or lie below one."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,8 @@ class CropVariationConfig:
     drop: share of the cameras that are left out, drawn up to this.
     keep: cameras that stay at least, if there are so many.
     lose: probability that a crop is lost, drawn for each camera and frame.
+    hide: share of the clips with things in the way of about half of the cameras, as trunks of trees are.
+    coarse: share of the clips whose images have larger pixels than the crops; fewest: of those, across a crop.
     """
 
     roll: bool = True
@@ -39,6 +45,9 @@ class CropVariationConfig:
     drop: float = 0.5
     keep: int = 2
     lose: float = 0.03
+    hide: float = 0.3
+    coarse: float = 0.4
+    fewest: float = 6.0
 
     def __post_init__(self) -> None:
         """Refuse what cannot be drawn.
@@ -46,10 +55,13 @@ class CropVariationConfig:
         Raises:
             UserError: names the field and the values that work.
         """
-        for name, most in (("edge", 0.45), ("blur", 1.0), ("drop", 1.0), ("lose", 1.0)):
+        for name, most in _LIMITS:
             if not 0 <= getattr(self, name) <= most:
                 problem = f"crop variation's {name} is {getattr(self, name)}"
                 raise UserError("out-of-range", problem, f"it lies in [0, {most:g}]")
+        if self.fewest < 2:
+            problem = f"crop variation's fewest is {self.fewest}"
+            raise UserError("out-of-range", problem, "a crop needs at least 2 pixels across")
         for name in ("shrink", "steepness", "colour", "keep"):
             if getattr(self, name) < 0:
                 problem = f"crop variation's {name} is {getattr(self, name)}"
@@ -59,13 +71,25 @@ class CropVariationConfig:
 def vary_images(crops: Crops, config: CropVariationConfig, *, key: Key[Array, ""]) -> Crops:
     """One variation of a clip's crops (leading axis time) and of which of them count; what does not count is zero."""
     turn, edge, colour, drop = jax.random.split(key, 4)
-    rgba = jnp.where(crops.valid[..., None, None, None], crops.rgba, jnp.zeros((), crops.rgba.dtype))
-    maps = roll_maps(rgba.shape[1], config, key=turn).astype(rgba.dtype)
-    rgba = jax.vmap(jax.vmap(resample), in_axes=(0, None))(rgba, maps)
+    # Further keys of this one, so that what was drawn before there were these draws stays as it was.
+    hidden, coarse = jax.random.fold_in(key, 4), jax.random.fold_in(key, 5)
+    valid = crops.valid
+    rgba = jnp.where(valid[..., None, None, None], crops.rgba, jnp.zeros((), crops.rgba.dtype))
+    maps = jnp.broadcast_to(roll_maps(rgba.shape[1], config, key=turn).astype(rgba.dtype), (*valid.shape, 2, 2))
+    middle = jnp.zeros((*valid.shape, 2), rgba.dtype)
+    if config.hide:
+        whole, shown = rgba[..., 3], hide(rgba[..., 3], config.hide, key=hidden)
+        rgba = jnp.where(shown[..., None], rgba, jnp.zeros((), rgba.dtype))
+        side, middle, left = seen_window(whole, rgba[..., 3])
+        maps, valid = maps * side[..., None, None], valid & left
+    rgba = jax.vmap(jax.vmap(resample))(rgba, maps, middle)
+    if config.coarse:
+        rgba = coarsen(rgba, config.coarse, config.fewest, key=coarse)
     rgba = move_edges(rgba, config, key=edge)
     gain = jnp.exp(config.colour * jax.random.uniform(colour, (3,), rgba.dtype, minval=-1.0, maxval=1.0))
     tinted = jnp.minimum(rgba[..., :3] * gain.reshape((1,) * 4 + (3,)), rgba[..., 3:])
-    return Crops(jnp.concatenate([tinted, rgba[..., 3:]], axis=-1), leave_out(crops.valid, config, key=drop))
+    kept = leave_out(valid, config, key=drop)
+    return Crops(jnp.concatenate([tinted, rgba[..., 3:]], axis=-1), kept)
 
 
 def roll_maps(views: int, config: CropVariationConfig, *, key: Key[Array, ""]) -> Float[Array, "view 2 2"]:
@@ -80,13 +104,22 @@ def roll_maps(views: int, config: CropVariationConfig, *, key: Key[Array, ""]) -
 
 
 def resample(
-    crop: Float[Array, "size size channel"], given_from_varied: Float[Array, "2 2"]
+    crop: Float[Array, "size size channel"], given_from_varied: Float[Array, "2 2"], middle: Float[Array, "2"]
 ) -> Float[Array, "size size channel"]:
-    """A crop under a linear map about its middle, bilinear; black where the given one ends."""
+    """A crop under a linear map from offsets about its own middle to offsets about `middle`, bilinear.
+
+    Args:
+        crop: given.
+        given_from_varied: the map.
+        middle: x y from the middle of the given crop, pixels.
+
+    Returns:
+        the varied crop, black where the given one ends.
+    """
     size = crop.shape[0]
     offset = jnp.arange(size, dtype=crop.dtype) + jnp.asarray(0.5 - size / 2, crop.dtype)
     grid = jnp.stack(jnp.meshgrid(offset, offset, indexing="xy"), axis=-1).reshape(-1, 2)
-    points = grid @ given_from_varied.T + jnp.asarray(size / 2, crop.dtype)
+    points = grid @ given_from_varied.T + middle[None] + jnp.asarray(size / 2, crop.dtype)
     return sample_bilinear(crop, points).reshape(crop.shape)
 
 
