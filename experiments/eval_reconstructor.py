@@ -10,7 +10,6 @@ import jax
 from rich.console import Console
 
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.perceptual import PerceptualConfig, load_perceptual
 from aerojax.evaluate.reconstruction import FIGURES, binned, mean_figures
 from aerojax.reconstruct.fit.optimise import GaussianFitConfig
@@ -93,9 +92,9 @@ def main(config: Config, run: Run) -> None:
         }
         for one in everyone
     }
-    notes = {"device": jax.devices()[0].device_kind, "seed": config.seed, "command": run.command}
+    notes = {"device": jax.devices()[0].device_kind, "seed": config.seed}
     results = {"rows": means, "cost": costs, "psnr_by": by, "perceptual": config.perceptual.name, "scenes": singles}
-    write_json(run.directory / "results.json", {**results, **notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**results, **notes, **run.origin})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 
 

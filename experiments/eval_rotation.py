@@ -12,7 +12,6 @@ from aerojax.classify.base import Classifier
 from aerojax.classify.card import TrainRotation
 from aerojax.classify.load import load_classifier
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.data.clips import clip_files
 from aerojax.data.splits import Split
 from aerojax.data.windows import Windows, read_windows
@@ -93,7 +92,7 @@ def main(config: Config, run: Run) -> None:
     figures, test, answers = _measure(config, config.model)
     show_rotations(console, figures)
     sizes = {"windows": len(test.label), "videos": len(test.one_a_video()), "identities": len(set(test.identity))}
-    results: dict[str, Any] = {**figures, **sizes, "command": run.command, "seed": config.seed}
+    results: dict[str, Any] = {**figures, **sizes, "seed": config.seed}
     if config.against is not None:
         other, other_test, other_answers = _measure(config, config.against)
         show_rotations(console, other)
@@ -102,7 +101,7 @@ def main(config: Config, run: Run) -> None:
         for kind, row in results["paired_95"].items():
             low, high = 100 * row["low"], 100 * row["high"]
             console.print(f"{kind}: video accuracy less that of the other model {low:.1f} … {high:.1f}")
-    write_json(run.directory / "results.json", {**results, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**results, **run.origin})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 
 

@@ -16,7 +16,6 @@ from aerojax.classify.mambasplat.cost import operations, parameter_count, unused
 from aerojax.classify.mambasplat.model import MambaSplat
 from aerojax.classify.members import MEMBERS
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.cost import program_cost, random_tokens
 from experiments._benchmarks.members import chosen_members, member_row, member_table
@@ -87,7 +86,7 @@ def main(config: Config, run: Run) -> None:
             table.add_row(*named, *(f"{f:.2f}" for f in figures), *memory)
     console.print(member_table(members))
     console.print(table)
-    notes = {"device": jax.devices()[0].device_kind, "command": run.command, **provenance(run.overrides)}
+    notes = {"device": jax.devices()[0].device_kind, **run.origin}
     write_json(run.directory / "results.json", {"members": members, "rows": rows, **notes})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 

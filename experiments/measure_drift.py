@@ -14,7 +14,6 @@ from aerojax.classify.base import Trainable, untrained
 from aerojax.classify.load import load_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig, Mode, published_config
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.data.splits import Split
 from aerojax.data.windows import Windows, read_windows
 from aerojax.evaluate.drift_passes import relabelling_drift, rotation_drift
@@ -108,7 +107,7 @@ def main(config: Config, run: Run) -> None:
         for name, model in bar.track(_models(config).items(), description=f"{len(windows.label)} clips"):
             results[name] = _measure(model, windows, config)
     console.print(_table(results))
-    notes = {"clips": list(windows.name), "command": run.command, "seed": config.seed, **provenance(run.overrides)}
+    notes = {"clips": list(windows.name), "seed": config.seed, **run.origin}
     write_json(run.directory / "results.json", {"models": results, **notes})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 

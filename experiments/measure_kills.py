@@ -16,7 +16,7 @@ from rich.table import Table
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import commit, provenance
+from aerojax.core.provenance import commit
 from aerojax.evaluate.kills.outputs import FOREIGN, UNFINISHED, VOLATILE
 from aerojax.evaluate.kills.trials import try_target
 from experiments._kills.acts import ACTS, IGNORED, ROOT, make_inputs, targets
@@ -92,7 +92,7 @@ def main(config: Config, run: Run) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for reached in itertools.chain([rows], measure(config, Path(folder), rows)):
             results = summary(reached)
-            notes = {"left_out": LEFT_OUT, "seed": config.seed, "command": run.command, **provenance(run.overrides)}
+            notes = {"left_out": LEFT_OUT, "seed": config.seed, **run.origin}
             notes["date"] = datetime.now(UTC).isoformat(timespec="seconds")
             write_json(run.directory / "results.json", {**results, **notes})
     console = Console()

@@ -14,7 +14,6 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.clutter import ClutterConfig
 from aerojax.evaluate.segmentation import segmentation_table
 from aerojax.pipeline.config import PipelineConfig
@@ -89,12 +88,12 @@ def main(config: Config, run: Run) -> None:
             row = {"capture": path.name, "cameras": len(capture.cameras), "views": views}
             rows.append({**row, **measured(shown, segment, classifying, seed=config.seed)})
     console.print(segmentation_table(rows), soft_wrap=True)
-    notes = {"rows": rows, "segment": to_mapping(config.segment), "command": run.command, "seed": config.seed}
+    notes = {"rows": rows, "segment": to_mapping(config.segment), "seed": config.seed}
     notes |= {"clutter": None if config.clutter is None else to_mapping(config.clutter)}
     if config.labels:
         notes |= {"labels": label_figures(rows), "pipeline": to_mapping(config.pipeline)}
         console.print(str(notes["labels"]), markup=False)
-    write_json(run.directory / "results.json", {**notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {**notes, **run.origin})
     console.print(str(run.directory / "results.json"), soft_wrap=True)
 
 

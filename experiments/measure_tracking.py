@@ -15,7 +15,6 @@ from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.pipeline.trust import TrustConfig
 from aerojax.simulate.generate import Shard, generate_dataset
@@ -100,10 +99,10 @@ def main(config: Config, run: Run) -> None:
     with progress_bar() as bar:
         for kind, row in _rows(config, shown_in(bar)):
             rows.setdefault(kind, []).append(row)
-    notes: dict[str, Any] = {"command": run.command, "seed": config.seed}
+    notes: dict[str, Any] = {"seed": config.seed}
     notes |= {name: to_mapping(getattr(config, name)) for name in ("flown", "dataset", "measured", "pipeline")}
     found = summary(rows)
-    write_json(run.directory / "results.json", {"summary": found, "rows": rows, **notes, **provenance(run.overrides)})
+    write_json(run.directory / "results.json", {"summary": found, "rows": rows, **notes, **run.origin})
     console.print(table(found), soft_wrap=True)
     for kind in (kind for kind in found if "answers" in found[kind]):
         console.print(f"{kind}: {found[kind]['answers']}", soft_wrap=True)

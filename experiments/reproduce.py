@@ -12,7 +12,6 @@ from rich.console import Console
 
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json, write_text
-from aerojax.core.provenance import provenance
 from aerojax.evaluate.ledger import VERDICTS, ledger_of
 from aerojax.evaluate.ledger_page import ledger_markdown
 from aerojax.evaluate.ledger_runs import Step, finish, is_done, read_steps
@@ -74,8 +73,8 @@ def main(config: Config, run: Run) -> None:
     entries = ledger_of(config.results)
     write_text(config.page, ledger_markdown(entries, config.results))
     counts = Counter(entry.verdict for entry in entries)
-    found = {"verdicts": {name: counts[name] for name in VERDICTS}, "command": run.command}
-    write_json(run.directory / "results.json", {**found, **provenance(run.overrides)})
+    found = {"verdicts": {name: counts[name] for name in VERDICTS}}
+    write_json(run.directory / "results.json", {**found, **run.origin})
     console.print(", ".join(f"{counts[name]} {name}" for name in VERDICTS), soft_wrap=True)
     console.print(str(config.page), soft_wrap=True)
 

@@ -13,7 +13,6 @@ from rich.console import Console
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json, write_text
-from aerojax.core.provenance import provenance
 from aerojax.core.tensors import parameter_count
 from aerojax.data.views import ViewSet, load_views
 from aerojax.evaluate.perceptual import PerceptualConfig, load_perceptual
@@ -97,8 +96,7 @@ def main(config: Config, run: Run) -> None:
         "seed": config.seed,
         # What an earlier run spent is not known.
         "minutes": None if resumed else (time.perf_counter() - begin) / 60,
-        "command": run.command,
-        **provenance(run.overrides),
+        **run.origin,
     }
     weights = run.directory / "weights.safetensors"
     save_reconstructor(weights, member, config.model, results)
