@@ -1,7 +1,8 @@
-"""Run the pipeline over a stream without end: time, memory and handles must stay as they are, and the answer too."""
+"""Run the pipeline, or the service, over a stream without end: time, memory, handles and the answer must stay."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,19 +12,26 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from aerojax.capture.format import read_capture
+from aerojax.capture.format import Capture, read_capture
 from aerojax.capture.frames import read_frames
 from aerojax.classify.base import Trainable, with_card
+from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.soak import Soaked, soak
-from aerojax.pipeline.step import make_pipeline
+from aerojax.pipeline.step import Pipeline, make_pipeline
+from aerojax.serve.sinks.json_lines import JsonLines
+from aerojax.serve.sinks.web import Web, WebConfig
+from aerojax.serve.soak import soak_service
+from aerojax.serve.sources.playback import PlaybackConfig
 from aerojax.simulate.sample import SampleConfig, sample_capture
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar, shown_in
+
+Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +39,8 @@ class Config:
     """What flows, and how long.
 
     frames: steps. windows: into which they are divided.
+    service: runs the service of `serve` instead of the pipeline alone: the images are read from their files each time,
+        messages, a page and the state are written. `segment=voxel_vote track=several` is what it looks for by default.
     settled: passes of the loop before the one that later answers are compared with.
     capture: that is looped; a simulated one if None. assets, sample: of that one.
     weights: of a causal classifier; the shipped ones if None.
@@ -42,6 +52,7 @@ class Config:
     seed: int = 0
     frames: int = 100_000
     windows: int = 50
+    service: bool = False
     settled: int = 1000
     capture: Path | None = None
     assets: Path = Path("data/assets")
@@ -64,27 +75,50 @@ def _slope(values: list[float], frames: list[int]) -> float:
     return float(10_000 * line[0])
 
 
+def growth_of(windows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """How time, memory, handles and threads grow, a 10,000 frames."""
+    frames, names = [window["frames"] for window in windows], ("step_ms", "resident_mb", "handles", "threads")
+    return {name: _slope([float(window[name]) for window in windows], frames) for name in names}
+
+
 def figures_of(soaked: Soaked) -> dict[str, Any]:
     """JSON-ready, with how memory, handles and time grow."""
     windows = [asdict(window) for window in soaked.windows]
-    frames = [window.frames for window in soaked.windows]
-    growth = {
-        name: _slope([float(window[name]) for window in windows], frames)
-        for name in ("step_ms", "resident_mb", "handles", "threads")
-    }
-    return {**asdict(soaked), "windows": windows, "growth_in_10000_frames": growth}
+    return {**asdict(soaked), "windows": windows, "growth_in_10000_frames": growth_of(windows)}
 
 
 def show(figures: dict[str, Any], console: Console) -> None:
     """A row for every tenth of the stream."""
-    table = Table("frames", "ms a step", "slowest 1 %", "MB", "handles", "threads")
+    table = Table("frames", "ms a step", "slowest, ms", "MB", "handles", "threads")
     windows = figures["windows"]
     for window in windows[:: max(len(windows) // 10, 1)]:
         times = (f"{window[name]:.2f}" for name in ("step_ms", "slowest_ms"))
         rest = (f"{window['resident_mb']:.0f}", window["handles"], window["threads"])
         table.add_row(str(window["frames"]), *times, *map(str, rest))
     console.print(table)
-    console.print(f"largest change of a probability over {figures['compared']} passes: {figures['drift']:.1e}")
+    if "drift" in figures:
+        console.print(f"largest change of a probability over {figures['compared']} passes: {figures['drift']:.1e}")
+
+
+def _pipeline_figures(config: Config, pipeline: Pipeline, capture: Capture, progress: Progress) -> dict[str, Any]:
+    """The pipeline alone, over frames in memory."""
+    frames = [read_frames(capture, number) for number in range(capture.frames)]
+    ask = {"total": config.frames, "windows": config.windows, "settled": config.settled}
+    return figures_of(soak(pipeline, frames, fps=capture.fps, **ask, progress=progress))
+
+
+def _service_figures(
+    config: Config, pipeline: Pipeline, capture: Capture, run: Run, progress: Progress
+) -> dict[str, Any]:
+    """The service, over files that are played as fast as they are taken."""
+    source = PlaybackConfig(rate=0, repeat=0).build(capture.folder)
+    sinks = (JsonLines(run.directory / "messages.jsonl"), Web(WebConfig(port=0)))
+    ask = {"total": config.frames, "windows": config.windows, "state": run.directory / "state.safetensors"}
+    windows, health = soak_service(source, pipeline, sinks, **ask, progress=progress)
+    rows = [asdict(window) for window in windows]
+    said = {"sightings": dict(health.sightings), "dropped": health.dropped, "partial": health.partial}
+    said |= {"failed_sends": dict(health.failed_sends), "stages_ms": dict(health.stages_ms)}
+    return {"windows": rows, "frames": health.frames, **said, "growth_in_10000_frames": growth_of(rows)}
 
 
 @experiment(Config, finished_by="results.json")
@@ -92,14 +126,16 @@ def main(config: Config, run: Run) -> None:
     """Write results.json and print a row for every tenth of the stream."""
     classifier = _classifier(config)
     capture = read_capture(config.capture or sample_capture(config.sample, config.assets))
-    frames = [read_frames(capture, number) for number in range(capture.frames)]
-    pipeline = make_pipeline(capture.cameras, config.pipeline, classifier, key=jax.random.key(config.seed))
+    given = {"key": jax.random.key(config.seed), "familiarity": load_familiarity(config.weights)}
+    pipeline = make_pipeline(capture.cameras, config.pipeline, classifier, **given)
     with progress_bar("frames/s") as bar:
-        ask = {"total": config.frames, "windows": config.windows, "settled": config.settled}
-        figures = figures_of(soak(pipeline, frames, fps=capture.fps, **ask, progress=shown_in(bar)))
+        if config.service:
+            figures = _service_figures(config, pipeline, capture, run, shown_in(bar))
+        else:
+            figures = _pipeline_figures(config, pipeline, capture, shown_in(bar))
     sizes = {
         "cameras": len(capture.cameras),
-        "loop": len(frames),
+        "loop": capture.frames,
         "pixels": [c.width * c.height for c in capture.cameras],
     }
     notes = {"classifier": classifier.card.name, "pipeline": to_mapping(config.pipeline), "seed": config.seed, **sizes}

@@ -35,3 +35,17 @@ def test_a_stream_stays_as_it_is(monkeypatch, tmp_path):
     handles = [window["handles"] for window in found["windows"]]
     assert len(set(handles[1:])) == 1 and found["drift"] < 0.01
     assert found["windows"][-1]["resident_mb"] < found["windows"][1]["resident_mb"] + 5
+
+
+@pytest.mark.long
+def test_a_service_stays_as_it_is(monkeypatch, tmp_path):
+    where = (f"sample.folder={tmp_path}/samples", f"assets={tmp_path}/assets", f"hydra.run.dir={tmp_path}/run")
+    looks = ("service=true", "segment=voxel_vote", "track=several", "sample.sequence.frames=24")
+    run_command(measure_soak, monkeypatch, "preset=smoke", *looks, *where)
+    found = json.loads((tmp_path / "run/results.json").read_text())
+    assert (found["frames"], found["dropped"], found["partial"], found["failed_sends"]) == (60, 0, 0, {})
+    assert found["windows"][-1]["frames"] == 60 and sum(found["sightings"].values()) > 30
+    told = [json.loads(line) for line in (tmp_path / "run/messages.jsonl").read_text().splitlines()]
+    assert [told[0]["type"], told[-1]["type"]] == ["started", "stopped"]
+    begun = sum(one["type"] == "appeared" for one in told)
+    assert begun == found["windows"][-1]["begun"] > 0
