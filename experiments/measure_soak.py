@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from aerojax import __version__
 from aerojax.capture.format import Capture, read_capture
 from aerojax.capture.frames import read_frames
 from aerojax.classify.base import Trainable, with_card
@@ -113,8 +114,9 @@ def _service_figures(
     """The service, over files that are played as fast as they are taken."""
     source = PlaybackConfig(rate=0, repeat=0).build(capture.folder)
     sinks = (JsonLines(run.directory / "messages.jsonl"), Web(WebConfig(port=0)))
-    ask = {"total": config.frames, "windows": config.windows, "state": run.directory / "state.safetensors"}
-    windows, health = soak_service(source, pipeline, sinks, **ask, progress=progress)
+    ask = {"total": config.frames, "windows": config.windows, "progress": progress}
+    state = run.directory / "state.safetensors"
+    windows, health = soak_service(source, pipeline, sinks, state=state, version=__version__, **ask)
     rows = [asdict(window) for window in windows]
     said = {"sightings": dict(health.sightings), "dropped": health.dropped, "partial": health.partial}
     said |= {"failed_sends": dict(health.failed_sends), "stages_ms": dict(health.stages_ms)}

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerojax import __version__
 from aerojax.pipeline.step import Pipeline
 from aerojax.serve.figures import Health
 from aerojax.serve.messages import Message, Sighting
@@ -94,6 +93,7 @@ def soak_service(
     total: int,
     windows: int,
     state: Path,
+    version: str,
     progress: Callable[[int, int, str], None],
 ) -> tuple[list[ServiceWindow], Health]:
     """Serve so many frames; see `Service`.
@@ -103,6 +103,6 @@ def soak_service(
     """
     watch = SoakSink(total, windows, progress)
     config = ServiceConfig(frames=total)
-    health = Service(source, pipeline, [*sinks, watch], config, state=state, version=__version__).run(threading.Event())
+    health = Service(source, pipeline, [*sinks, watch], config, state=state, version=version).run(threading.Event())
     watch.see(health)
     return watch.windows, health
