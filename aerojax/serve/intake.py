@@ -8,6 +8,7 @@ oldest frame is dropped, of all cameras, so that what stays still fits together.
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -26,6 +27,7 @@ class IntakeConfig:
     tolerance_s: by which pictures of one frame may differ in time; half a frame if None. Cameras that nobody triggers
         at the same moment need almost a whole one.
     buffer: pictures of a camera that may wait; beyond it the oldest frames are dropped.
+    tell_s: at most so often it is said how many were; at once when it begins.
     wait_s: how long a frame waits for cameras that are late.
     silent_s: after which a camera that gives nothing is named, and not waited for.
     fewest: cameras that must give pictures; with fewer, nothing is made of them.
@@ -33,13 +35,14 @@ class IntakeConfig:
 
     tolerance_s: float | None = None
     buffer: int = 16
+    tell_s: float = 5.0
     wait_s: float = 0.25
     silent_s: float = 3.0
     fewest: int = 3
 
     def __post_init__(self) -> None:
         require_at_least(self, "buffer", "fewest")
-        require_at_least(self, "wait_s", least=0)
+        require_at_least(self, "wait_s", "tell_s", least=0)
         require_at_least(self, "silent_s", least=1e-3)
         if self.tolerance_s is not None:
             require_at_least(self, "tolerance_s", least=0)
@@ -107,6 +110,7 @@ class Intake:
         self._notices: list[Notice] = []
         self._until = after_s  # pictures up to here were taken or dropped with their frame
         self._dropped, self._told, self._partial = 0, 0, 0
+        self._told_s = -math.inf
         self._lacking, self._closed = False, False
 
     @property
@@ -190,9 +194,10 @@ class Intake:
         with self._changed:
             self._watch()
             found, self._notices = self._notices, []
-            if self._dropped > self._told:
+            now = self._clock()
+            if self._dropped > self._told and (self._closed or now - self._told_s >= self._config.tell_s):
                 found.append(FramesDropped(self._dropped - self._told, self._dropped))
-                self._told = self._dropped
+                self._told, self._told_s = self._dropped, now
             return tuple(found)
 
     def take(self, timeout_s: float) -> Taken | None:

@@ -75,6 +75,17 @@ def test_the_oldest_frame_is_dropped_of_all_cameras_and_counted(clock):
     assert intake.take(0.0) is None and intake.counts()[0].late == 1
 
 
+def test_dropped_frames_are_told_at_once_then_now_and_then_and_all_at_the_end(clock):
+    intake, told = made(clock, cameras=1, fewest=1, buffer=1, tell_s=2.0), []
+    for number in range(41):
+        clock.now = number / 10
+        intake.put(picture(0, clock.now))
+        told += intake.notices()
+    intake.close()
+    told += intake.notices()
+    assert told == [FramesDropped(1, 1), FramesDropped(20, 21), FramesDropped(19, 40)]
+
+
 def test_a_source_that_can_wait_loses_nothing(clock):
     intake = made(clock, cameras=1, fewest=1, buffer=2)
     given: list[float] = []

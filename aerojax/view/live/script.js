@@ -105,7 +105,7 @@ const ask = async () => {
     const shown = await answer.json();
     draw(shown);
     tell(shown);
-    say(shown.health ? `${shown.tracks.length} tracks, ${shown.health.rate.toFixed(1)} frames a second` : "waiting for frames", false);
+    say(shown.health ? `${shown.tracks.length === 1 ? "1 track" : `${shown.tracks.length} tracks`}, ${shown.health.rate.toFixed(1)} frames a second` : "waiting for frames", false);
   } catch (error) {
     say(`no answer: ${error.message}`, true);
   }
