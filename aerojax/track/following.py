@@ -2,7 +2,8 @@
 
 Every sight corrects its track by itself, at its own moment, so cameras need not be synchronised. Sights that no track
 claims are looked at together once every camera has said something new (a *round*): those of different cameras whose
-rays meet begin a track, which is believed after enough rounds. All of it is a function of values and deterministic.
+rays meet begin a track, which is believed after enough rounds; where a believed one is already, only if an image showed
+both. All of it is a function of values and deterministic.
 """
 
 from __future__ import annotations
@@ -19,9 +20,12 @@ from aerojax.core.config import require_at_least
 from aerojax.core.errors import UserError
 from aerojax.track.association import NONE, AssociationConfig, Rays, associate, concatenated
 from aerojax.track.motion import MotionConfig, born, expect, predict, update
-from aerojax.track.sights import NoiseConfig, Scan, TimedCamera, gate
+from aerojax.track.sights import NoiseConfig, Scan, TimedCamera, gate, sight_of_points
 
 Status = Literal["tentative", "confirmed", "coasting", "lost"]
+
+_SIZE_SHARE = 0.1
+"""Of a new sight in what is known of a track's size."""
 
 
 @dataclass(frozen=True)
@@ -64,18 +68,22 @@ class Followed:
 
     key: of its birth, never used again. number: of the object, given when it is first believed; None before.
     mean, covariance: of `aerojax.track.motion`'s state at the state's moment.
+    size_m: its extent as cameras see it, the diagonal of a box at its distance; 0 where sights are points.
     status: whether it is believed and was hit in the last round.
     hits: of its last rounds. hit_s: moment of the last one. seen: row of the sight by camera, in this round.
+    beside: keys of the tracks that an image showed beside it before it was believed.
     """
 
     key: int
     number: int | None
-    mean: Float64[np.ndarray, "9"]
-    covariance: Float64[np.ndarray, "9 9"]
+    mean: Float64[np.ndarray, "12"]
+    covariance: Float64[np.ndarray, "12 12"]
+    size_m: float
     status: Status
     hits: tuple[bool, ...]
     hit_s: float
     seen: Mapping[int, int]
+    beside: frozenset[int] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +131,9 @@ def follow_scan(
     # Where nobody has said anything for long, no round has ended to say so.
     tracks = tuple(one for one in state.tracks if one.seen or scan.time_s - one.hit_s <= config.coast_s)
     if tracks and scan.time_s > state.time_s:
-        means, covariances = _stacked(tracks)
-        tracks = _unstacked(tracks, *predict(means, covariances, scan.time_s - state.time_s, config.motion))
+        shaken = config.noise.shape * np.array([one.size_m for one in tracks])
+        moved = predict(*_stacked(tracks), scan.time_s - state.time_s, config.motion, shaken)
+        tracks = _unstacked(tracks, *moved)
     tracks, free = _claimed(tracks, scan, cameras[scan.camera], config)
     unclaimed = {**state.unclaimed, scan.camera: scan.chosen(free)}
     heard = state.heard | {scan.camera}
@@ -140,18 +149,63 @@ def end_round(
     Returns:
         The tracks of the round with what saw them, lost ones for the last time; and the next state.
     """
-    judged, numbers = [], state.numbers
-    for one in state.tracks:
-        one = _judged(one, state.time_s, config)
-        if one.number is None and one.status == "confirmed":
-            one, numbers = replace(one, number=numbers), numbers + 1
-        judged.append(one)
     begun, unclaimed = _born(state, cameras, config)
-    every = (*judged, *begun)
+    every = [_noted(one, (*state.tracks, *begun)) for one in (*state.tracks, *begun)]
+    judged = _joined([_judged(one, state.time_s, config) for one in every[: len(state.tracks)]])
+    numbers = state.numbers
+    for place, one in enumerate(judged):
+        if one.number is None and one.status == "confirmed":
+            judged[place], numbers = replace(one, number=numbers), numbers + 1
+    every[: len(judged)] = judged
     kept = tuple(replace(one, seen={}) for one in every if one.status != "lost")
     keys = state.keys + len(begun)
     fresh = FollowingState(state.time_s, state.time_s, kept, frozenset(), unclaimed, keys, numbers)
-    return every, fresh
+    return tuple(every), fresh
+
+
+def _noted(one: Followed, every: Iterable[Followed]) -> Followed:
+    """With the others that an image of this round shows beside it, as long as it is not believed."""
+    if one.number is not None:
+        return one
+    beside = {other.key for other in every if other.key != one.key and other.seen.keys() & one.seen.keys()}
+    return replace(one, beside=one.beside | beside)
+
+
+def _joined(tracks: list[Followed]) -> list[Followed]:
+    """One that is to be believed now is the older one that is there already, unless an image showed both.
+
+    An object has one silhouette in an image. Where an outline leaves its track's gate, it begins another track, and
+    both would go on in turns; two objects are seen side by side by some camera.
+    """
+    joined = list(tracks)
+    for place, one in enumerate(joined):
+        if one.number is not None or one.status != "confirmed":
+            continue
+        for older, other in enumerate(joined[:place]):
+            if other.status in ("confirmed", "coasting") and other.key not in one.beside and _together(one, other):
+                joined[older] = _taken_over(other, one)
+                joined[place] = replace(one, status="lost", seen={})
+                break
+    return joined
+
+
+def _together(one: Followed, other: Followed) -> bool:
+    return float(np.linalg.norm(one.mean[:3] - other.mean[:3])) < (one.size_m + other.size_m) / 2
+
+
+def _taken_over(older: Followed, newer: Followed) -> Followed:
+    """The older track with all that both were seen by, and the state of the one that more cameras saw."""
+    better = newer if len(newer.seen) > len(older.seen) else older
+    return replace(
+        older,
+        mean=better.mean,
+        covariance=better.covariance,
+        size_m=better.size_m,
+        status="confirmed",
+        hits=(*older.hits[:-1], True),
+        hit_s=newer.hit_s,
+        seen={**newer.seen, **older.seen},
+    )
 
 
 def _judged(one: Followed, time_s: float, config: FollowingConfig) -> Followed:
@@ -190,12 +244,25 @@ def _claimed(
         if len(own) == 0:
             continue
         moved, spread = update(means, covariances, expected, own, sights)
+        sizes = _sizes(scan.diagonal[rows[sights]], moved[:, :3], camera)
         for number, (place, sight) in enumerate(zip(own, sights, strict=True)):
             before = tracks[group[place]]
-            seen = {**before.seen, scan.camera: int(scan.rows[rows[sight]])}
-            corrected[group[place]] = replace(before, mean=moved[number], covariance=spread[number], seen=seen)
+            corrected[group[place]] = replace(
+                before,
+                mean=moved[number],
+                covariance=spread[number],
+                size_m=before.size_m + _SIZE_SHARE * (float(sizes[number]) - before.size_m),
+                seen={**before.seen, scan.camera: int(scan.rows[rows[sight]])},
+            )
         free[rows[sights]] = False
     return tuple(corrected), free
+
+
+def _sizes(
+    diagonal: Float64[np.ndarray, "sight"], points: Float64[np.ndarray, "sight 3"], camera: TimedCamera
+) -> Float64[np.ndarray, "sight"]:
+    """How long diagonals (pixels) of boxes about points (metres, world) are there, metres."""
+    return diagonal * sight_of_points(points, camera)[2] / camera.K[0, 0]
 
 
 def _assigned(
@@ -225,27 +292,30 @@ def _born(
     rays = concatenated(
         [Rays(np.full(len(s.times), s.camera), s.times - state.time_s, s.pixels, s.variance) for s in scans]
     )
-    rows = np.concatenate([s.rows for s in scans])
+    rows, diagonal = (np.concatenate([getattr(s, name) for s in scans]) for name in ("rows", "diagonal"))
     found = associate(rays, cameras, config.association, config.noise)
     order = np.lexsort(found.sights.T)  # keys do not depend on how the solver lists its solution
     begun, used = [], np.zeros(len(rows), bool)
     for key, index in enumerate(order):
         sights = {c: int(row) for c, row in enumerate(found.sights[index]) if row != NONE}
         used[list(sights.values())] = True
-        mean, covariance = born(found.state[index], found.covariance[index], config.motion)
+        point = found.state[index, :3]
+        sizes = [_sizes(diagonal[[row]], point[None], cameras[c])[0] for c, row in sights.items()]
+        size = float(np.mean(sizes))
+        mean, covariance = born(found.state[index], found.covariance[index], config.motion, config.noise.shape * size)
         seen = {c: int(rows[row]) for c, row in sights.items()}
-        begun.append(Followed(state.keys + key, None, mean, covariance, "tentative", (True,), state.time_s, seen))
+        begun.append(Followed(state.keys + key, None, mean, covariance, size, "tentative", (True,), state.time_s, seen))
     ends = np.cumsum([len(s.times) for s in scans])[:-1]
     left = {s.camera: s.chosen(~own) for s, own in zip(scans, np.split(used, ends), strict=True)}
     return begun, left
 
 
-def _stacked(tracks: Sequence[Followed]) -> tuple[Float64[np.ndarray, "track 9"], Float64[np.ndarray, "track 9 9"]]:
+def _stacked(tracks: Sequence[Followed]) -> tuple[Float64[np.ndarray, "track 12"], Float64[np.ndarray, "track 12 12"]]:
     return np.stack([one.mean for one in tracks]), np.stack([one.covariance for one in tracks])
 
 
 def _unstacked(
-    tracks: Iterable[Followed], means: Float64[np.ndarray, "track 9"], covariances: Float64[np.ndarray, "track 9 9"]
+    tracks: Iterable[Followed], means: Float64[np.ndarray, "track 12"], covariances: Float64[np.ndarray, "track 12 12"]
 ) -> tuple[Followed, ...]:
     return tuple(
         replace(one, mean=mean, covariance=covariance)

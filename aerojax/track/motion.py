@@ -1,6 +1,8 @@
 """How objects move between sights: constant acceleration, and an extended Kalman filter on pixels.
 
-State: position, velocity, acceleration (metres, seconds, world), nine numbers. All functions take many objects at once.
+State: position, velocity, acceleration of the body, and by how far the middle of its outline is off the body (metres,
+seconds, world): twelve numbers. Wings that beat and rotors that turn displace that middle for all cameras alike, and
+otherwise in the next moment. All functions take many objects at once.
 """
 
 from __future__ import annotations
@@ -12,8 +14,11 @@ from jaxtyping import Float64, Int64
 
 from aerojax.track.sights import NoiseConfig, Scan, TimedCamera, calibration_variance, sight_of_points
 
-States = Float64[np.ndarray, "track 9"]
-Covariances = Float64[np.ndarray, "track 9 9"]
+STATE = 12
+"""Numbers of a state."""
+States = Float64[np.ndarray, "track 12"]
+Covariances = Float64[np.ndarray, "track 12 12"]
+Sizes = Float64[np.ndarray, "track"]
 
 
 @dataclass(frozen=True)
@@ -29,19 +34,24 @@ class MotionConfig:
 
 
 def predict(
-    states: States, covariances: Covariances, elapsed_s: float, config: MotionConfig
+    states: States, covariances: Covariances, elapsed_s: float, config: MotionConfig, shaken_m: Sizes
 ) -> tuple[States, Covariances]:
-    """Constant acceleration with white jerk (Bar-Shalom, Li & Kirubarajan 2001, §6.2.3).
+    """Constant acceleration with white jerk (Bar-Shalom, Li & Kirubarajan 2001, §6.2.3); where the outline's middle is
+    off the body is forgotten.
 
     Args:
         states, covariances: of the objects.
-        elapsed_s: by how much time goes on; not negative.
+        elapsed_s: by how much time goes on; positive.
         config: see there.
+        shaken_m: standard deviation of the outline's middle about the body, each axis, metres.
     """
     t = elapsed_s
-    step = np.kron(np.array([[1, t, t**2 / 2], [0, 1, t], [0, 0, 1]]), np.eye(3))
-    noise = np.array([[t**5 / 20, t**4 / 8, t**3 / 6], [t**4 / 8, t**3 / 3, t**2 / 2], [t**3 / 6, t**2 / 2, t]])
-    driven = np.kron(config.jerk**2 * noise, np.eye(3))
+    step = np.kron(np.array([[1, t, t**2 / 2, 0], [0, 1, t, 0], [0, 0, 1, 0], [0, 0, 0, 0]]), np.eye(3))
+    noise = np.zeros((len(states), 4, 4))
+    noise[:, :3, :3] = [[t**5 / 20, t**4 / 8, t**3 / 6], [t**4 / 8, t**3 / 3, t**2 / 2], [t**3 / 6, t**2 / 2, t]]
+    noise[:, :3, :3] *= config.jerk**2
+    noise[:, 3, 3] = shaken_m**2
+    driven = np.kron(noise, np.eye(3))
     return states @ step.T, step @ covariances @ step.T + driven
 
 
@@ -55,7 +65,7 @@ class Expected:
     """
 
     off: Float64[np.ndarray, "track sight 2"]
-    by_state: Float64[np.ndarray, "track sight 2 9"]
+    by_state: Float64[np.ndarray, "track sight 2 12"]
     spread: Float64[np.ndarray, "track sight 2 2"]
     distance: Float64[np.ndarray, "track sight"]
     log_spread: Float64[np.ndarray, "track sight"]
@@ -64,10 +74,10 @@ class Expected:
 def expect(states: States, covariances: Covariances, scan: Scan, camera: TimedCamera, noise: NoiseConfig) -> Expected:
     """Compare objects, predicted to the scan's moment, with its sights, each at the moment of its own row."""
     lag = (scan.times - scan.time_s)[None, :, None]
-    position, velocity, acceleration = (states[:, None, i : i + 3] for i in (0, 3, 6))
-    pixels, by_point, depth = sight_of_points(position + lag * velocity + lag**2 / 2 * acceleration, camera)
+    position, velocity, acceleration, aside = (states[:, None, i : i + 3] for i in (0, 3, 6, 9))
+    pixels, by_point, depth = sight_of_points(position + lag * velocity + lag**2 / 2 * acceleration + aside, camera)
     lag = lag[..., None]
-    by_state = np.concatenate([by_point, by_point * lag, by_point * lag**2 / 2], axis=-1)
+    by_state = np.concatenate([by_point, by_point * lag, by_point * lag**2 / 2, by_point], axis=-1)
     spread = by_state @ covariances[:, None] @ by_state.swapaxes(-1, -2)
     own = scan.variance[None, :] + calibration_variance(depth, camera, noise)
     spread = spread + own[..., None, None] * np.eye(2)
@@ -83,7 +93,7 @@ def update(
     expected: Expected,
     tracks: Int64[np.ndarray, "pair"],
     sights: Int64[np.ndarray, "pair"],
-) -> tuple[Float64[np.ndarray, "pair 9"], Float64[np.ndarray, "pair 9 9"]]:
+) -> tuple[Float64[np.ndarray, "pair 12"], Float64[np.ndarray, "pair 12 12"]]:
     """Correct objects by one sight each: the extended Kalman filter in Joseph's form, which keeps covariances positive.
 
     Args:
@@ -98,7 +108,7 @@ def update(
     before = covariances[tracks]
     across = before @ np.swapaxes(H, 1, 2)
     gain = np.swapaxes(np.linalg.solve(S, np.swapaxes(across, 1, 2)), 1, 2)
-    kept = np.eye(9) - gain @ H
+    kept = np.eye(STATE) - gain @ H
     own = S - H @ across
     corrected = kept @ before @ np.swapaxes(kept, 1, 2) + gain @ own @ np.swapaxes(gain, 1, 2)
     moved = states[tracks] + (gain @ off[..., None])[..., 0]
@@ -106,9 +116,17 @@ def update(
 
 
 def born(
-    state: Float64[np.ndarray, "6"], covariance: Float64[np.ndarray, "6 6"], config: MotionConfig
-) -> tuple[Float64[np.ndarray, "9"], Float64[np.ndarray, "9 9"]]:
-    """An object of which position and velocity are known, with their covariance."""
-    spread = np.diag([0.0] * 6 + [config.acceleration**2] * 3)
+    state: Float64[np.ndarray, "6"],
+    covariance: Float64[np.ndarray, "6 6"],
+    config: MotionConfig,
+    shaken_m: float,
+) -> tuple[Float64[np.ndarray, "12"], Float64[np.ndarray, "12 12"]]:
+    """An object whose outline's middle and velocity are known, with their covariance; arguments as in `predict`."""
+    spread = np.zeros((STATE, STATE))
     spread[:6, :6] = covariance
-    return np.concatenate([state, np.zeros(3)]), spread
+    spread[6:9, 6:9] = config.acceleration**2 * np.eye(3)
+    # The body is where the middle is, less what that is off: p = m - e.
+    spread[np.ix_([0, 1, 2, 9, 10, 11], [0, 1, 2, 9, 10, 11])] += np.kron(
+        shaken_m**2 * np.array([[1, -1], [-1, 1]]), np.eye(3)
+    )
+    return np.concatenate([state, np.zeros(6)]), spread

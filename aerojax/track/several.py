@@ -79,6 +79,7 @@ class SeveralTracker:
             times=np.full(len(rows), time_s),
             pixels=(boxes[:, :2] + boxes[:, 2:]) / 2,
             variance=noise.pixel**2 + (noise.outline * diagonal) ** 2,
+            diagonal=diagonal,
             rows=np.array(rows, np.int64),
         )
 

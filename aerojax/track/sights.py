@@ -62,11 +62,13 @@ class NoiseConfig:
 
     pixel: standard deviation of a detection, pixels.
     outline: of a box's centre about what other cameras see as the middle, in diagonals of the box.
+    shape: of what all of them see as the middle about the body, as wings beat, in diagonals of the box.
     rotation_deg, position_m: standard deviations of a camera's pose, each axis.
     """
 
     pixel: float = 1.0
     outline: float = 0.05
+    shape: float = 0.1
     rotation_deg: float = 0.02
     position_m: float = 0.02
 
@@ -96,7 +98,8 @@ class Scan:
 
     camera: index. time_s: of its middle row, network's clock.
     times: of each sight. pixels: of the undistorted image. variance: of a sight's pixel without the calibration's
-    share, square pixels. rows: of the sights in the `Detections` that they came from, or `UNKNOWN`.
+    share, square pixels. diagonal: of the box whose centre it is, pixels; 0 for points.
+    rows: of the sights in the `Detections` that they came from, or `UNKNOWN`.
     """
 
     camera: int
@@ -104,6 +107,7 @@ class Scan:
     times: Float64[np.ndarray, "sight"]
     pixels: Float64[np.ndarray, "sight 2"]
     variance: Float64[np.ndarray, "sight"]
+    diagonal: Float64[np.ndarray, "sight"]
     rows: Int64[np.ndarray, "sight"]
 
     def chosen(self, which: np.ndarray) -> Scan:
@@ -114,6 +118,7 @@ class Scan:
             self.times[which],
             self.pixels[which],
             self.variance[which],
+            self.diagonal[which],
             self.rows[which],
         )
 
@@ -149,7 +154,15 @@ def scans_of(detections: Detections, cameras: Sequence[TimedCamera], noise: Nois
     ordered_camera, ordered_moment = detections.camera[order], moments[order]
     begins = np.flatnonzero((np.diff(ordered_camera) != 0) | (np.diff(ordered_moment) != 0)) + 1
     return [
-        Scan(int(detections.camera[rows[0]]), float(moments[rows[0]]), times[rows], pixels[rows], variance[rows], rows)
+        Scan(
+            camera=int(detections.camera[rows[0]]),
+            time_s=float(moments[rows[0]]),
+            times=times[rows],
+            pixels=pixels[rows],
+            variance=variance[rows],
+            diagonal=detections.diagonal[rows],
+            rows=rows,
+        )
         for rows in np.split(order, begins)
     ]
 

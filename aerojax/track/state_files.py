@@ -11,9 +11,10 @@ from aerojax.capture.imports.calibration.documents import read_document
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.track.following import Followed, FollowingState
+from aerojax.track.motion import STATE
 from aerojax.track.sights import UNKNOWN, Scan
 
-FORMAT, VERSION = "aerojax-track-state", 1
+FORMAT, VERSION = "aerojax-track-state", 2
 
 
 def write_state(path: Path, state: FollowingState, cameras: tuple[str, ...]) -> None:
@@ -78,10 +79,12 @@ def _track_to_json(one: Followed) -> dict[str, Any]:
         "number": one.number,
         "mean": one.mean.tolist(),
         "covariance": one.covariance.tolist(),
+        "size_m": one.size_m,
         "status": one.status,
         "hits": list(one.hits),
         "hit_s": one.hit_s,
         "seen": sorted(one.seen),
+        "beside": sorted(one.beside),
     }
 
 
@@ -89,17 +92,19 @@ def _track_from_json(raw: dict[str, Any]) -> Followed:
     return Followed(
         key=int(raw["key"]),
         number=raw["number"],
-        mean=np.array(raw["mean"], np.float64).reshape(9),
-        covariance=np.array(raw["covariance"], np.float64).reshape(9, 9),
+        mean=np.array(raw["mean"], np.float64).reshape(STATE),
+        covariance=np.array(raw["covariance"], np.float64).reshape(STATE, STATE),
+        size_m=float(raw["size_m"]),
         status=raw["status"],
         hits=tuple(raw["hits"]),
         hit_s=float(raw["hit_s"]),
         seen={int(camera): UNKNOWN for camera in raw["seen"]},
+        beside=frozenset(raw["beside"]),
     )
 
 
 def _scan_to_json(scan: Scan) -> dict[str, Any]:
-    arrays = {name: getattr(scan, name).tolist() for name in ("times", "pixels", "variance")}
+    arrays = {name: getattr(scan, name).tolist() for name in ("times", "pixels", "variance", "diagonal")}
     return {"camera": scan.camera, "time_s": scan.time_s, **arrays}
 
 
@@ -111,5 +116,6 @@ def _scan_from_json(raw: dict[str, Any]) -> Scan:
         times=times,
         pixels=np.array(raw["pixels"], np.float64).reshape(-1, 2),
         variance=np.array(raw["variance"], np.float64),
+        diagonal=np.array(raw["diagonal"], np.float64),
         rows=np.full(len(times), UNKNOWN),
     )

@@ -22,7 +22,7 @@ def there_and_back(value):
 
 
 def test_everything_comes_back():
-    scan = Scan(2, 0.5, np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64))
+    scan = Scan(2, 0.5, np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0), np.zeros(0, np.int64))
     following = FollowingState(0.5, math.inf, (), frozenset({2, 0}), {2: scan}, 3, 1)
     value = {
         "state": SeveralState((), following),

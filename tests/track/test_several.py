@@ -75,6 +75,48 @@ def test_where_nobody_sees_anything_there_is_no_track():
     assert [one.number for one in tracks] == [0, 1]
 
 
+def flapping(frame: int) -> list[Silhouette]:
+    """One object that sails and then beats its wings: the middle of its outline leaps, for all cameras alike."""
+    place = np.array([[0.03 * frame, 0.0, 0.0]])
+    found = []
+    for index, camera in enumerate(CAMERAS):
+        u, v = project_points(place, camera)[0].tolist()
+        v += 0 if frame < 8 else (-4, 4)[frame % 2]
+        box = (u - 14, v - 9, u + 14, v + 9)
+        found.append(Silhouette(index, 1, np.zeros((1, 1), np.float32), box, whole=True))
+    return found
+
+
+@pytest.mark.parametrize("shape", [0.1, 0.0])
+def test_wings_that_beat_are_one_object(shape):
+    """Expected as the outline's motion; and where the gate is too narrow for it, what begins there is no other one."""
+    noise = NoiseConfig(outline=0.01, shape=shape)
+    tracker = SeveralConfig(following=FollowingConfig(noise=noise)).build()
+    state, numbers = tracker.initial(CAMERAS), []
+    for frame in range(30):
+        tracks, state = tracker.step(frame_of(frame), flapping(frame), state)
+        numbers.append([one.number for one in tracks])
+        if frame > 20 and shape:
+            assert np.linalg.norm(tracks[0].position - [0.03 * frame, 0, 0]) < 0.05
+    assert {tuple(one) for one in numbers[3:]} <= ({(0,)} if shape else {(0,), ()})
+    assert state.following.numbers == 1
+
+
+def test_another_one_close_by_is_another_one():
+    """Within the size of the first, but images show both."""
+    tracker, state = CONFIG.build(), CONFIG.build().initial(CAMERAS)
+    for frame in range(16):
+        places = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.2]])[: 1 if frame < 8 else 2]
+        shown = []
+        for index, camera in enumerate(CAMERAS):
+            for u, v in project_points(places, camera).tolist():
+                box = (u - 9, v - 3, u + 9, v + 3)
+                shown.append(Silhouette(index, len(shown), np.zeros((1, 1), np.float32), box, whole=True))
+        tracks, state = tracker.step(frame_of(frame), shown, state)
+    assert [one.number for one in tracks] == [0, 1]
+    assert np.linalg.norm(tracks[0].position - tracks[1].position) < max(one.size_m for one in state.following.tracks)
+
+
 def test_instances_of_masks_are_silhouettes():
     masks = []
     for camera in CAMERAS:
