@@ -10,9 +10,16 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from aerojax.classify.answer_sets import family_of
 from aerojax.classify.base import Embedding
 from aerojax.classify.card_markdown import familiarity_markdown
-from aerojax.classify.familiarity import Familiarity, familiarity_path, fit_familiarity, save_familiarity
+from aerojax.classify.familiarity import (
+    Familiarity,
+    KnownClips,
+    familiarity_path,
+    fit_familiarity,
+    save_familiarity,
+)
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json, write_text
@@ -50,9 +57,11 @@ def _fitted(config: Config, classifier: Embedding, console: Console) -> tuple[Fa
         raise UserError("missing", f"no training clips of {', '.join(missing)}", "give clips of every class")
     console.print(f"clips: {len(train.label)} train, {len(val.label)} val")
     features = answers_with_features(classifier, train)[1][:, -1]
-    known = answers_with_features(classifier, val)[1]
+    said, seen = answers_with_features(classifier, val)
+    known = KnownClips(seen, said, val.present, val.label, val.identity)
     counts = {"training_clips": len(train.label), "validation_clips": len(val.label)}
-    return fit_familiarity(features, train.label, known, val.present, classifier.feature_weights), counts
+    counts["validation_families"] = len(set(map(family_of, val.identity)))
+    return fit_familiarity(features, train.label, known, classifier.feature_weights), counts
 
 
 def _figures(config: Config, classifier: Embedding, familiarity: Familiarity) -> dict[str, Any]:

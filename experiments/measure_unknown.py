@@ -1,4 +1,4 @@
-"""Measure whether things of none of the classes are called unknown, and how many known objects are, too."""
+"""Measure whether things of none of the classes are called unknown, and what answers and sets of classes hold."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ import jax
 from rich.console import Console
 from rich.table import Table
 
+from aerojax.classify.answer_sets import family_of
 from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.data.splits import Split
-from aerojax.evaluate.unknown import alarms, rejection, separation
+from aerojax.evaluate.unknown import alarms, rejection, separation, set_figures
 from aerojax.pipeline.factory.write import OUTLIERS
 from aerojax.pipeline.trust import TrustConfig
 from experiments._launch.command import Run, experiment
@@ -68,16 +69,22 @@ def _figures(config: Config) -> dict[str, Any]:
                 **rejection(known, label, strange, level),
                 "alarms": alarms(known, label, strange, level),
             }
+            if known.held is not None:
+                family = [family_of(name) for name in known.identity]
+                stated = {"stated": round(float(familiarity.coverage[0]), 6)}
+                found[name]["sets"] = stated | set_figures(known.held, label, family)
     return found
 
 
 def _table(figures: dict[str, Any], sides: list[str]) -> Table:
-    table = Table("known clips", "number", "AUROC", "of probability", "ECE", "called unknown", "outliers called so")
+    head = ("known clips", "number", "AUROC", "of probability", "ECE", "called unknown", "outliers called so")
+    table = Table(*head, "class in set", "classes in set")
     for name in sides:
         row = figures[name]
         shares = (f"{row[key]:.1%}" for key in ("known_called_unknown", "strange_called_unknown"))
         areas = (f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece"))
-        table.add_row(name, str(row["clips"]), *areas, *shares)
+        sets = (f"{row['sets']['coverage']:.1%}", f"{row['sets']['mean_size']:.2f}") if "sets" in row else ("-", "-")
+        table.add_row(name, str(row["clips"]), *areas, *shares, *sets)
     return table
 
 

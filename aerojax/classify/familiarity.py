@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -23,16 +23,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from aerojax.classify.answer_sets import COVERAGE, AnswerSet, family_of, least_probabilities
 from aerojax.classify.load import shipped_name
 from aerojax.core.errors import UserError
 from aerojax.core.files import sha256_of_file
 from aerojax.core.tensors import filled, read_tensors, write_tensors
-from aerojax.core.types import pytree_dataclass
+from aerojax.core.types import CLASSES, pytree_dataclass
 
 SUFFIX = ".familiarity.safetensors"
 SHRINKAGE = 0.1
 """Of the mean variance, added to the covariance's diagonal; 0.01 to 0.3 tell validation outliers apart as well."""
-_ARRAYS = ("mean", "whitening", "weight", "known")
+_ARRAYS = ("mean", "whitening", "weight", "known", "least", "coverage")
+_NO_SETS = {"least": np.zeros(0, np.float32), "coverage": np.zeros(1, np.float32)}
+"""Of files of before there were sets of classes."""
 
 
 @pytree_dataclass
@@ -42,12 +45,16 @@ class Familiarity:
     mean: of each class's features. whitening: features about them times this have unit covariance.
     weight: of each row of features, sum 1.
     known: distances of validation clips after their first, second, … frame, in ascending order.
+    least: probability that a class needs after so many frames to be in the answer's set; empty where there are no sets.
+    coverage: of those sets; see `answer_sets`.
     """
 
     mean: Float[Array, "row class feature"]
     whitening: Float[Array, "row feature feature"]
     weight: Float[Array, "row"]
     known: Float[Array, "length clip"]
+    least: Float[Array, "steps"]
+    coverage: Float[Array, "1"]
 
     def distance(self, features: Float[Array, "row feature"]) -> Float[Array, ""]:
         """From each row's nearest class, logarithmic, weighted mean over the rows; see `Embedding`."""
@@ -66,20 +73,53 @@ class Familiarity:
         farther = jnp.sum(known >= self.distance(features))
         return (1 + farther).astype(self.known.dtype) / (known.shape[0] + 1)
 
+    def answer_set(self, log_probabilities: Float[np.ndarray, "label"], frames: int) -> AnswerSet | None:
+        """The classes that an object could be of if it is of one of them; None where there are no sets.
+
+        Args:
+            log_probabilities: after the last frame.
+            frames: that counted for them; beyond the longest known clips those count.
+        """
+        if self.least.shape[0] == 0:
+            return None
+        least = float(self.least[min(max(frames, 1), self.least.shape[0]) - 1])
+        order = np.argsort(-log_probabilities, kind="stable")
+        held = [CLASSES[i] for n, i in enumerate(order) if n == 0 or np.exp(log_probabilities[i]) >= least]
+        return AnswerSet(tuple(held), round(float(self.coverage[0]), 6))
+
+
+@dataclass(frozen=True, eq=False)
+class KnownClips:
+    """Validation clips of the classes as a classifier sees them.
+
+    features, log_probabilities: after each frame. present: frames that count, the first ones of a clip; one that ends
+    is represented by its last frame among longer ones. label: index into `CLASSES`. identity: names of individuals.
+    """
+
+    features: Float[np.ndarray, "clip time row feature"]
+    log_probabilities: Float[np.ndarray, "clip time label"]
+    present: Bool[np.ndarray, "clip time"]
+    label: Int[np.ndarray, "clip"]
+    identity: tuple[str, ...]
+
+    def held(self, values: Float[np.ndarray, "clip time *row"]) -> Float[np.ndarray, "clip time *row"]:
+        """Values after each frame, those of the last one that counts behind it."""
+        last = np.maximum(self.present.sum(axis=1) - 1, 0)
+        index = np.minimum(np.arange(values.shape[1]), last[:, None])
+        return values[np.arange(len(last))[:, None], index]
+
 
 def fit_familiarity(
     features: Float[np.ndarray, "clip row feature"],
     label: Int[np.ndarray, "clip"],
-    known: Float[np.ndarray, "known time row feature"],
-    present: Bool[np.ndarray, "known time"],
+    known: KnownClips,
     weight: tuple[float, ...],
 ) -> Familiarity:
-    """Fit class means and their covariance, and measure the distances of known objects.
+    """Fit class means and their covariance, measure the distances of known objects, and calibrate sets of classes.
 
     Args:
         features: of whole training clips. label: their classes, all of which occur.
-        known: features of validation clips after each frame. present: frames that count, the first ones of a clip; a
-            clip that ends is compared by its last frame with longer ones.
+        known: objects of other families.
         weight: `Embedding.feature_weights`.
 
     Raises:
@@ -88,11 +128,13 @@ def fit_familiarity(
     x = features.astype(np.float64)
     mean = np.stack([x[label == one].mean(axis=0) for one in range(int(label.max()) + 1)], axis=1)
     whitening = np.stack([_whitening(x[:, n] - mean[n, label]) for n in range(x.shape[1])])
-    empty = Familiarity(_single(mean), _single(whitening), _single(np.array(weight)), jnp.zeros((1, 1)))
-    distance = np.asarray(jax.jit(jax.vmap(jax.vmap(empty.distance)))(_single(known)))
-    last = np.maximum(present.sum(axis=1) - 1, 0)
-    index = np.minimum(np.arange(known.shape[1])[:, None], last[None])
-    return replace(empty, known=_single(np.sort(distance.T[index, np.arange(len(last))], axis=1)))
+    family = [family_of(name) for name in known.identity]
+    least = least_probabilities(known.held(known.log_probabilities), known.label, family)
+    least = np.nextafter(least.astype(np.float32), np.float32(0.0))  # rounding must not put the clip of it outside
+    fixed = mean, whitening, np.array(weight), np.zeros((1, 1)), least, np.array([COVERAGE])
+    empty = Familiarity(*map(_single, fixed))
+    distance = np.asarray(jax.jit(jax.vmap(jax.vmap(empty.distance)))(_single(known.features)))
+    return replace(empty, known=_single(np.sort(known.held(distance).T, axis=1)))
 
 
 def _whitening(apart: Float[np.ndarray, "clip feature"]) -> Float[np.ndarray, "feature feature"]:
@@ -147,10 +189,12 @@ def load_familiarity(weights: Path | None = None) -> Familiarity | None:
     if header.get("weights") != sha256_of_file(weights):
         problem = f"{path} was fitted to other weights than {weights}"
         raise UserError("mismatch", problem, "fit it again with experiments.fit_familiarity, or delete it")
-    shapes = {name: tensors[name].shape for name in _ARRAYS if name in tensors}
+    tensors = {**_NO_SETS, **tensors}
+    shapes: dict[str, tuple[int, ...]] = {name: tensors[name].shape for name in _ARRAYS if name in tensors}
     rows, _, width = shapes.get("mean", ()) if len(shapes.get("mean", ())) == 3 else (0, 0, 0)
     fits = shapes.get("whitening") == (rows, width, width) and shapes.get("weight") == (rows,)
-    if not rows or not fits or len(shapes.get("known", ())) != 2:
+    sets = len(shapes["least"]) == 1 and shapes["coverage"] == (1,)
+    if not rows or not fits or not sets or len(shapes.get("known", ())) != 2:
         raise UserError("invalid", f"{path} does not hold means, whitening and known distances", "fit it again")
     expected = jax.eval_shape(lambda: Familiarity(*(jnp.zeros(shapes[name]) for name in _ARRAYS)))
     return filled(expected, tensors, path, whose="a familiarity")

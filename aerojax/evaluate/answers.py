@@ -93,18 +93,18 @@ def log_probabilities(classifier: Classifier, clips: ClipSet) -> Float[np.ndarra
 @jax.jit
 def _features(
     classifier: Embedding, columns: Array, present: Array, crops: Any
-) -> tuple[Float[Array, "clip label"], Float[Array, "clip time row feature"]]:
+) -> tuple[Float[Array, "clip time label"], Float[Array, "clip time row feature"]]:
     def one(columns: Array, present: Array, crops: Any) -> tuple[Array, Array]:
         logits, features = classifier.clip_features(evidence(columns, crops), present)
-        return logits[-1], features
+        return logits, features
 
     return jax.vmap(one)(columns, present, crops)
 
 
 def answers_with_features(
     classifier: Embedding, clips: ClipSet
-) -> tuple[Float[np.ndarray, "clip label"], Float[np.ndarray, "clip time row feature"]]:
-    """`log_probabilities` of whole clips, and what they were read from after each frame."""
+) -> tuple[Float[np.ndarray, "clip time label"], Float[np.ndarray, "clip time row feature"]]:
+    """Log-probabilities after each frame, and what they were read from; whole clips by the last of them."""
     crops, parts = crops_read(classifier, clips), []
     for start in range(0, len(clips.label), BATCH):
         index = np.arange(start, start + BATCH) % len(clips.label)  # one shape, one compilation

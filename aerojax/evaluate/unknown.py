@@ -24,6 +24,7 @@ class JudgedClips:
     log_probabilities: of the classes. strangeness: distance from what it knows, of any unit.
     familiarity: share of known objects that look as strange.
     identity: individuals. group: what figures are told by, such as rigs or kinds.
+    held: classes in each answer's set; None where the classifier has no sets.
     """
 
     log_probabilities: Float[np.ndarray, "clip label"]
@@ -31,6 +32,7 @@ class JudgedClips:
     familiarity: Float[np.ndarray, "clip"]
     identity: tuple[str, ...]
     group: tuple[str, ...]
+    held: Bool[np.ndarray, "clip label"] | None = None
 
     @property
     def surest(self) -> Float[np.ndarray, "clip"]:
@@ -93,6 +95,30 @@ def rejection(known: JudgedClips, label: Int[np.ndarray, "clip"], strange: Judge
     }
 
 
+def set_figures(
+    held: Bool[np.ndarray, "clip label"], label: Int[np.ndarray, "clip"], family: Sequence[str]
+) -> dict[str, Any]:
+    """How often sets of classes hold the right one, and how much they say.
+
+    Args:
+        held: classes in each clip's set. label: the right ones. family: what chances are counted over.
+
+    Returns:
+        coverage, of clips; coverage_of_families, mean over them; families; mean_size; single, share of sets of one
+        class, and single_right, the share of those that are right, None where there are none.
+    """
+    covered, size = held[np.arange(len(label)), label], held.sum(axis=1)
+    alone = covered[size == 1]
+    return {
+        "coverage": float(covered.mean()),
+        "coverage_of_families": float(np.mean(list(shares_by(covered, family).values()))),
+        "families": len(set(family)),
+        "mean_size": float(size.mean()),
+        "single": float(np.mean(size == 1)),
+        "single_right": float(alone.mean()) if len(alone) else None,
+    }
+
+
 def recall_at(positive: Float[np.ndarray, "positive"], negative: Float[np.ndarray, "negative"], rate: float) -> float:
     """Share of the positives above the score that no more than `rate` of the negatives exceed."""
     allowed = int(np.floor(rate * len(negative)))
@@ -142,4 +168,5 @@ def join_judged(parts: Sequence[JudgedClips]) -> JudgedClips:
         np.concatenate([one.familiarity for one in parts]),
         tuple(name for one in parts for name in one.identity),
         tuple(name for one in parts for name in one.group),
+        None if (sets := [one.held for one in parts if one.held is not None]) == [] else np.concatenate(sets),
     )

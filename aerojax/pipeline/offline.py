@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, Float32, Float64, Key
 
 from aerojax.capture.format import Capture
 from aerojax.capture.frames import read_frames
+from aerojax.classify.answer_sets import AnswerSet
 from aerojax.classify.base import Classifier, Embedding
 from aerojax.classify.familiarity import Familiarity
 from aerojax.core.errors import UserError
@@ -48,6 +49,7 @@ class Clip:
     observations: what was seen in each frame (kept only on request).
     missing: cameras that should have shown something and did not, with the numbers of their frames.
     warnings: what the user of the result should know, one sentence each.
+    answer_set: the classes that the object could be of, if of one of them; None where that is not known.
     """
 
     seen: Evidence
@@ -62,6 +64,7 @@ class Clip:
     observations: tuple[Observation, ...] = ()
     missing: tuple[tuple[int, MissingView], ...] = ()
     warnings: tuple[str, ...] = ()
+    answer_set: AnswerSet | None = None
 
     @property
     def gaussians(self) -> Gaussians:
@@ -154,6 +157,7 @@ def reconstruct_capture(
         observations=tuple(event.observation for event in kept if event.observation is not None),
         missing=tuple(missing),
         warnings=warnings,
+        answer_set=None if last is None or familiarity is None else familiarity.answer_set(last, len(kept)),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from aerojax.classify.base import Classifier, Embedding
 from aerojax.classify.familiarity import Familiarity
 from aerojax.core.errors import UserError
+from aerojax.core.types import CLASSES
 from aerojax.data.clips import ClipSet
 from aerojax.evaluate.answers import answers_with_features, load_split
 from aerojax.evaluate.unknown import JudgedClips, join_judged
@@ -31,10 +32,14 @@ def require_features(classifier: Classifier) -> Embedding:
 
 def judge_clips(classifier: Embedding, familiarity: Familiarity, clips: ClipSet, group: Sequence[str]) -> JudgedClips:
     """Answer clips, and say how strange they look after their last frame."""
-    log_probabilities, features = answers_with_features(classifier, clips)
+    so_far, features = answers_with_features(classifier, clips)
+    log_probabilities, counts = so_far[:, -1], clips.present.sum(axis=1).tolist()
+    sets = [familiarity.answer_set(row, count) for row, count in zip(log_probabilities, counts, strict=True)]
+    held = np.array([[name in one.classes for name in CLASSES] for one in sets if one is not None])
     last, frames = jnp.asarray(features[:, -1]), jnp.asarray(clips.present.sum(axis=1))
     distance, share = jax.jit(jax.vmap(lambda f, n: (familiarity.distance(f), familiarity.share(f, n))))(last, frames)
-    return JudgedClips(log_probabilities, np.asarray(distance), np.asarray(share), clips.identity, tuple(group))
+    said = log_probabilities, np.asarray(distance), np.asarray(share)
+    return JudgedClips(*said, clips.identity, tuple(group), held if len(held) else None)
 
 
 def judge_folders(

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
+from aerojax.classify.answer_sets import AnswerSet
 from aerojax.classify.base import Embedding
 from aerojax.classify.familiarity import (
     SHRINKAGE,
     Familiarity,
+    KnownClips,
     familiarity_path,
     fit_familiarity,
     load_familiarity,
@@ -36,11 +38,22 @@ def drawn(rng, count, *, apart=0.0):
     return x.astype(np.float32), label
 
 
+def seen(features, present, label=None):
+    """Validation clips, of families of three individuals, that are answered rightly with a probability of 0.6."""
+    label = np.zeros(len(features), int) if label is None else label
+    answers = np.where(np.arange(4) == label[:, None], 0.6, 0.4 / 3)[:, None].repeat(features.shape[1], axis=1)
+    names = tuple(f"family_{i // 3}_{i % 3}" for i in range(len(features)))
+    return KnownClips(features, np.log(answers), present, label, names)
+
+
 def fitted(seed=0, count=300):
     rng = np.random.default_rng(seed)
     features, label = drawn(rng, 900)
     known = drawn(rng, count)[0][:, None].repeat(TIME, axis=1)
-    return fit_familiarity(features, label, known, np.ones((count, TIME), bool), WEIGHT), rng
+    return fit_familiarity(features, label, seen(known, np.ones((count, TIME), bool)), WEIGHT), rng
+
+
+NO_SETS = (jnp.zeros(0), jnp.zeros(1))
 
 
 @jax.jit
@@ -49,10 +62,12 @@ def shares(familiarity, features, frames):
 
 
 def test_the_distance_is_that_to_the_nearest_class():
-    one = Familiarity(jnp.array([[[0.0, 0.0], [4.0, 0.0]]]), 0.5 * jnp.eye(2)[None], jnp.ones(1), jnp.zeros((1, 1)))
+    one = Familiarity(
+        jnp.array([[[0.0, 0.0], [4.0, 0.0]]]), 0.5 * jnp.eye(2)[None], jnp.ones(1), jnp.zeros((1, 1)), *NO_SETS
+    )
     assert float(one.distance(jnp.array([[3.0, 2.0]]))) == pytest.approx(np.log((1.0 + 4.0) * 0.25), rel=1e-6)
     weight = jnp.array([0.75, 0.25])
-    two = Familiarity(jnp.tile(one.mean, (2, 1, 1)), jnp.tile(one.whitening, (2, 1, 1)), weight, one.known)
+    two = Familiarity(jnp.tile(one.mean, (2, 1, 1)), jnp.tile(one.whitening, (2, 1, 1)), weight, one.known, *NO_SETS)
     mean = 0.75 * np.log(1.25) + 0.25 * np.log(0.25)  # of rows that see it elsewhere
     assert float(two.distance(jnp.array([[3.0, 2.0], [0.0, 1.0]]))) == pytest.approx(mean, rel=1e-6)
 
@@ -69,7 +84,7 @@ def test_features_of_a_class_have_unit_covariance_after_whitening():
 
 def test_the_share_counts_known_objects_at_least_as_far():
     known = jnp.log(jnp.array([[1.0, 2.0, 3.0, 4.0], [0.1, 0.2, 0.3, 9.0]]))
-    one = Familiarity(jnp.zeros((1, 1, 1)), jnp.ones((1, 1, 1)), jnp.ones(1), known)
+    one = Familiarity(jnp.zeros((1, 1, 1)), jnp.ones((1, 1, 1)), jnp.ones(1), known, *NO_SETS)
     at = jnp.sqrt(jnp.array([[2.5]]))
     assert float(one.share(at, 1)) == pytest.approx(3 / 5)  # 3 and 4, and itself
     assert float(one.share(at, 2)) == float(one.share(at, 7)) == pytest.approx(2 / 5)
@@ -92,12 +107,12 @@ def test_clips_that_end_are_compared_by_their_last_frame():
     known[1] += np.arange(3)[:, None, None]
     present = np.array([[True, False, False], [True, True, True]])
     known[0, 1:] = 50.0  # what is behind the end does not count
-    rows = np.asarray(fit_familiarity(features, label, known, present, WEIGHT).known)
+    rows = np.asarray(fit_familiarity(features, label, seen(known, present), WEIGHT).known)
     assert (np.diff(rows, axis=1) >= 0).all()
     np.testing.assert_allclose(rows[0], rows[0, 0], rtol=1e-6)
     assert rows.max() < 10
     with pytest.raises(UserError, match="the same features"):
-        fit_familiarity(features[:CLASSES], label[:CLASSES], known, present, WEIGHT)
+        fit_familiarity(features[:CLASSES], label[:CLASSES], seen(known, present), WEIGHT)
 
 
 def test_it_lies_beside_the_weights_that_it_belongs_to(tmp_path):
@@ -112,6 +127,18 @@ def test_it_lies_beside_the_weights_that_it_belongs_to(tmp_path):
     weights.write_bytes(b"other weights")
     with pytest.raises(UserError, match="fitted to other weights"):
         load_familiarity(weights)
+
+
+def test_files_of_before_there_were_sets_give_none(tmp_path):
+    weights, (familiarity, _) = tmp_path / "weights.safetensors", fitted()
+    weights.write_bytes(b"weights")
+    path = save_familiarity(weights, familiarity, {})
+    tensors, header = read_tensors(path)
+    answer = np.log(np.array([0.1, 0.62, 0.2, 0.08]))
+    assert familiarity.answer_set(answer, 2) == AnswerSet(("drone",), 0.9)
+    save_file({name: one for name, one in tensors.items() if name not in ("least", "coverage")}, path, metadata=header)
+    before = load_familiarity(weights)
+    assert before is not None and before.answer_set(answer, 2) is None
 
 
 def test_what_is_broken_is_refused(tmp_path):

@@ -77,7 +77,7 @@ def test_a_familiarity_is_fitted_and_measured(monkeypatch, tmp_path, capsys):
     given = (f"weights={weights}", f"clips=[{rig}]", "frames=3", "draws=10")
     run_command(fit_familiarity, monkeypatch, *given, f"hydra.run.dir={tmp_path}/fit")
     found = json.loads((tmp_path / "fit/metrics.json").read_text())
-    assert (found["training_clips"], found["validation_clips"]) == (8, 8)
+    assert (found["training_clips"], found["validation_clips"], found["validation_families"]) == (8, 8, 4)
     assert 0 <= found["validation"]["auroc"] <= 1 and found["validation"]["outliers"] == {"disc": 1}
     page = (tmp_path / "weights.familiarity.md").read_text()
     assert "# Familiarity of views, coverage" in page and "| disc | " in page and "8 validation clips" in page
@@ -87,4 +87,6 @@ def test_a_familiarity_is_fitted_and_measured(monkeypatch, tmp_path, capsys):
     result = json.loads((tmp_path / "measure/results.json").read_text())
     assert result["all"]["clips"] == 8 and result["outliers"] == {"disc": 1}
     assert set(result["all"]["alarms"]) == {"class", "plain", "with_unknown"} and 0 <= result["all"]["ece"] <= 1
+    sets = result["all"]["sets"]  # of four families nine tenths cannot be said, so that sets hold everything
+    assert (sets["stated"], sets["coverage"], sets["mean_size"], sets["families"]) == (0.9, 1.0, 4.0, 4)
     assert "disc: " in capsys.readouterr().out

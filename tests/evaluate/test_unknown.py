@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerojax.evaluate.unknown import JudgedClips, alarms, join_judged, recall_at, rejection, separation, shares_by
+from aerojax.evaluate.unknown import (
+    JudgedClips,
+    alarms,
+    join_judged,
+    recall_at,
+    rejection,
+    separation,
+    set_figures,
+    shares_by,
+)
 
 
 def judged(drone, strangeness, familiarity, group=None):
@@ -73,3 +82,14 @@ def test_sets_join_in_order():
     assert both.group == KNOWN.group + STRANGE.group and both.identity == KNOWN.identity + STRANGE.identity
     np.testing.assert_array_equal(both.strangeness, [*KNOWN.strangeness, *STRANGE.strangeness])
     assert both.surest[-1] == pytest.approx(0.68)
+
+
+def test_sets_of_classes():
+    held = np.array([[1, 0, 0, 0], [1, 1, 0, 0], [0, 1, 1, 1], [0, 0, 0, 1]], bool)
+    found = set_figures(held, np.array([0, 1, 0, 0]), ["a", "a", "a", "b"])
+    assert found["coverage"] == 0.5 and found["coverage_of_families"] == pytest.approx((2 / 3 + 0) / 2)
+    assert (found["families"], found["mean_size"], found["single"], found["single_right"]) == (2, 1.75, 0.5, 0.5)
+    assert set_figures(held[1:3], np.array([1, 1]), ["a", "b"])["single_right"] is None
+    both = join_judged([replace(KNOWN, held=held), replace(KNOWN, held=held[:, ::-1])])
+    assert both.held is not None and both.held.shape == (8, 4)
+    assert join_judged([KNOWN, STRANGE]).held is None

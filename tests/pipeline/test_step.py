@@ -282,7 +282,9 @@ def views_with_familiarity(most):
     config = ViewsConfig(width=8, hidden=8, view_width=8, d_model=16, layers=1)
     classifier = untrained(config, tokens=8, frames=8, key=jax.random.key(3))
     known = jnp.linspace(*most, 9)[None]
-    return classifier, Familiarity(jnp.zeros((2, 4, 16)), jnp.stack([jnp.eye(16)] * 2), jnp.ones(2) / 2, known)
+    return classifier, Familiarity(
+        jnp.zeros((2, 4, 16)), jnp.stack([jnp.eye(16)] * 2), jnp.ones(2) / 2, known, jnp.zeros(0), jnp.zeros(1)
+    )
 
 
 def test_familiarity_of_a_stream_is_that_of_its_clip():

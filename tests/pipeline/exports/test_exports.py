@@ -16,6 +16,7 @@ from support.written_networks import write_network
 
 from aerojax.capture.format import read_capture
 from aerojax.capture.lenses import distort_points
+from aerojax.classify.answer_sets import AnswerSet
 from aerojax.classify.base import untrained
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.errors import UserError
@@ -103,7 +104,8 @@ def test_the_result_fits_its_schema(classified):
     for key in schema["required"]:
         with pytest.raises(jsonschema.ValidationError, match=f"'{key}' is a required property"):
             jsonschema.validate({k: v for k, v in result.items() if k != key}, schema)
-    for wrong in ({"status": "fine"}, {"version": 1}, {"label": "jet"}, {"track": []}, {"familiarity": 2}):
+    alone = {"answer_set": {"classes": [], "coverage": 0.9}}
+    for wrong in (alone, {"status": "fine"}, {"version": 1}, {"label": "jet"}, {"track": []}, {"familiarity": 2}):
         with pytest.raises(jsonschema.ValidationError):
             jsonschema.validate({**result, **wrong}, schema)
 
@@ -116,8 +118,10 @@ def test_what_is_unknown_is_the_label_and_says_why(classified):
     assert result["most_likely"] in CLASSES and headline(result) == "unknown: like nothing known"
     doubtful = result_of(capture, dataclasses.replace(clip, verdict=dataclasses.replace(strange, status="unsure")))
     assert doubtful["label"] is None and headline(doubtful).startswith("not sure (most likely ")
-    known = result_of(capture, dataclasses.replace(clip, verdict=Verdict("ok", (), 1.0)))
+    held = AnswerSet(("drone", "bird"), 0.9)
+    known = result_of(capture, dataclasses.replace(clip, verdict=Verdict("ok", (), 1.0), answer_set=held))
     assert known["label"] == known["most_likely"] == headline(known) and known["familiarity"] is None
+    assert known["answer_set"] == {"classes": ("drone", "bird"), "coverage": 0.9} and result["answer_set"] is None
 
 
 def test_gaussians_as_files_of_points(classified, exported):
