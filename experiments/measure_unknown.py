@@ -17,6 +17,7 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.data.splits import Split
+from aerojax.evaluate.calibration import calibration_error_by_chance
 from aerojax.evaluate.unknown import alarms, rejection, separation, set_figures
 from aerojax.pipeline.factory.write import OUTLIERS
 from aerojax.pipeline.trust import TrustConfig
@@ -67,6 +68,9 @@ def _figures(config: Config) -> dict[str, Any]:
                 "identities": len(set(known.identity)),
                 **separation(known, strange, seed=config.seed, draws=config.draws),
                 **rejection(known, label, strange, level),
+                "ece_by_chance": calibration_error_by_chance(
+                    known.log_probabilities, seed=config.seed, draws=config.draws
+                ),
                 "alarms": alarms(known, label, strange, level),
             }
             if known.held is not None:
@@ -82,7 +86,8 @@ def _table(figures: dict[str, Any], sides: list[str]) -> Table:
     for name in sides:
         row = figures[name]
         shares = (f"{row[key]:.1%}" for key in ("known_called_unknown", "strange_called_unknown"))
-        areas = (f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece"))
+        areas = [f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece")]
+        areas[-1] += f" (calibrated: {row['ece_by_chance']['mean']:.3f})"
         sets = (f"{row['sets']['coverage']:.1%}", f"{row['sets']['mean_size']:.2f}") if "sets" in row else ("-", "-")
         table.add_row(name, str(row["clips"]), *areas, *shares, *sets)
     return table

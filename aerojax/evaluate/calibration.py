@@ -49,3 +49,20 @@ def calibration_error(
     place = np.clip(np.ceil(confidence * bins).astype(int) - 1, 0, bins - 1)
     gap = np.bincount(place, weights=right - confidence, minlength=bins)
     return float(np.abs(gap).sum() / len(label))
+
+
+def calibration_error_by_chance(
+    log_probabilities: Float[np.ndarray, "clip label"], *, seed: int, draws: int
+) -> dict[str, float]:
+    """The calibration error of as many clips if the probabilities were exactly right.
+
+    Few clips leave a gap in every bin, so that the error is never 0; labels are drawn from the probabilities themselves
+    ("consistency resampling", Bröcker & Smith 2007).
+
+    Returns:
+        mean, and upper_95, which one in twenty draws exceeds.
+    """
+    rng, below = np.random.default_rng(seed), np.cumsum(np.exp(log_probabilities.astype(np.float64)), axis=1)
+    labels = [np.sum(rng.random((len(below), 1)) * below[:, -1:] > below, axis=1) for _ in range(draws)]
+    errors = [calibration_error(log_probabilities, label) for label in labels]
+    return {"mean": float(np.mean(errors)), "upper_95": float(np.quantile(errors, 0.95))}

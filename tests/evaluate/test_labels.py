@@ -15,6 +15,7 @@ from aerojax.evaluate.calibration import (
     BLUNTEST,
     SHARPEST,
     calibration_error,
+    calibration_error_by_chance,
     fit_temperature,
     with_temperature,
 )
@@ -155,3 +156,14 @@ def test_label_figures_by_hand():
     assert figures["confusion"] == [[1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 0]]
     assert json.loads(json.dumps(figures)) == figures
     np.testing.assert_array_equal(confusion_matrix(np.array([1, 1]), np.array([0, 0]), 2), [[0, 2], [0, 0]])
+
+
+def test_the_calibration_error_that_few_clips_show_by_chance():
+    """Of two clips with 0.75, both right or one or none: gaps of 0.25, 0.25 and 0.75."""
+    given = np.log(np.tile([0.75, 0.25, 0.0, 0.0], (2, 1)) + 1e-12)
+    found = calibration_error_by_chance(given, seed=0, draws=4000)
+    chance = {2: 0.75**2, 1: 2 * 0.75 * 0.25, 0: 0.25**2}
+    assert found["mean"] == pytest.approx(sum(chance[n] * abs(n / 2 - 0.75) for n in chance), abs=0.01)
+    assert found["upper_95"] == pytest.approx(0.75)  # which 6 % show
+    many = calibration_error_by_chance(np.tile(given, (2000, 1)), seed=0, draws=20)
+    assert many["upper_95"] < 0.02
