@@ -20,6 +20,7 @@ from aerojax.classify.baselines.config import (
 )
 from aerojax.classify.baselines.cost import parameter_count, unread_parameters
 from aerojax.classify.fused.config import FusedConfig
+from aerojax.classify.images.config import B3LiteConfig, B4LiteConfig, CropConfig
 from aerojax.classify.mambasplat import cost as mambasplat_cost
 from aerojax.classify.mambasplat.config import MambaSplatConfig, published_config
 from aerojax.classify.views.config import ViewsConfig
@@ -47,6 +48,8 @@ NETWORKS: dict[str, tuple[ClassifierConfig, int, int, float]] = {
     "VN-DGCNN, small": (VNDGCNNConfig(size="small"), 408_580, 0, 22.64),
     "P4Transformer, small": (P4TransformerConfig(size="small"), 243_940, 0, 12.29),
     "Mamba4D, small": (Mamba4DConfig(size="small"), 317_972, 384, 7.72),
+    "B3-lite on crops": (B3LiteConfig(), 116_900, 0, 1.59),
+    "B4-lite": (B4LiteConfig(), 98_468, 0, 0.68),
 }
 
 
@@ -59,7 +62,7 @@ def beside(config: ClassifierConfig) -> int:
 
 def operations(config: Any) -> int:
     """Of a clip of `FRAMES` frames of `TOKENS` tokens, by formula; for networks that read images from their program."""
-    if not isinstance(config, ViewsConfig | FusedConfig):
+    if not isinstance(config, ViewsConfig | FusedConfig | CropConfig):
         cost = mambasplat_cost if isinstance(config, MambaSplatConfig) else baseline_cost
         return cost.operations(config, FRAMES, TOKENS)
     shape = jax.ShapeDtypeStruct

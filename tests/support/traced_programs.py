@@ -6,7 +6,7 @@ import math
 
 
 def matrix_products(jaxpr) -> int:
-    """Multiply-adds of all products of two matrices in a traced program.
+    """Multiply-adds of all products of two matrices and of all convolutions in a traced program.
 
     Products with a single vector are left out, and those without a sum.
     """
@@ -18,7 +18,15 @@ def matrix_products(jaxpr) -> int:
             total += repeat * matrix_products(inner) if hasattr(inner, "eqns") else 0
         if equation.primitive.name == "dot_general":
             total += _product(equation)
+        if equation.primitive.name == "conv_general_dilated":
+            total += _convolution(equation)
     return total
+
+
+def _convolution(equation) -> int:
+    """Of every output number as many as the kernel has for it, those on zeros beyond the border among them."""
+    kernel, layout = equation.invars[1].aval.shape, equation.params["dimension_numbers"]
+    return math.prod(equation.outvars[0].aval.shape) * math.prod(kernel) // kernel[layout.rhs_spec[0]]
 
 
 def _product(equation) -> int:
