@@ -2,9 +2,9 @@
 
 `python -m experiments.compare_classifiers` runs every row that conf/rows/features.yaml names, tested under the rotation
 protocols and frame by frame; `rows=steps` those of an ablation of data, tokens, features and members, each of which
-changes one thing; `rows=studies` parts and sizes of MambaSplat-4D; `rows=baselines` it beside other networks, turned
-and as whole clips of every folder. Each leaves table.md and table.json in the sweep's directory; started again, it goes
-on where it stopped.
+changes one thing; `rows=studies` parts and sizes of MambaSplat-4D; `rows=reconstructors` it on clips of two
+reconstructors; `rows=baselines` it beside other networks, turned and as whole clips of every folder. Each leaves
+table.md and table.json in the sweep's directory; started again, it goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Config(ExaminedTraining):
     model: MambaSplat, whose features and bridges are compared, unless the row names another member.
     """
 
-    rows: Literal["features", "steps", "baselines", "studies"]
+    rows: Literal["features", "steps", "baselines", "studies", "reconstructors"]
     classifier: str
     change: str = ""
     against: str = ""
@@ -58,7 +58,7 @@ def _head(classifier: Trainable, config: Config) -> dict[str, Any]:
 
 def _examined(classifier: Trainable, config: Config) -> dict[str, Any]:
     """What was measured; of baselines, `clip` is the accuracy of whole clips."""
-    windows = {} if config.rows in ("steps", "studies") else examine_windows(classifier, config)
+    windows = {} if config.rows not in ("features", "baselines") else examine_windows(classifier, config)
     return windows | ({} if config.rows == "features" else examine_clips(classifier, config))
 
 

@@ -83,6 +83,7 @@ TABLES = {
     "features": (comparison_rows, table_markdown),
     "steps": (ablation_rows, ablation_markdown),
     "studies": (ablation_rows, ablation_markdown),
+    "reconstructors": (ablation_rows, ablation_markdown),
     "baselines": (network_rows, network_markdown),
 }
 """By the kind of rows: what makes them of runs, and Markdown of them."""

@@ -17,7 +17,7 @@ def rows_of(table: str) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("table", ["features", "steps", "baselines", "studies"])
+@pytest.mark.parametrize("table", ["features", "steps", "baselines", "studies", "reconstructors"])
 def test_rows_of(table):
     names, kind = rows_of(table), config_of("compare_classifiers")
     assert len(set(names)) == len(names)
