@@ -32,7 +32,9 @@ class CropVariationConfig:
     keep: cameras that stay at least, if there are so many.
     lose: probability that a crop is lost, drawn for each camera and frame.
     hide: share of the clips with things in the way of about half of the cameras, as trunks of trees are.
-    coarse: share of the clips whose images have larger pixels than the crops; fewest: of those, across a crop.
+    coarse: share of the clips whose images have larger pixels than the crops; fewest: of those, across a crop. Of the
+        default networks, 0.3 and 0.4 of these two made no better ones: 31 for 30 of 37 sequences of validation families
+        behind trees, 93.1 for 93.8 % of the factory's clips of them.
     """
 
     roll: bool = True
@@ -45,8 +47,8 @@ class CropVariationConfig:
     drop: float = 0.5
     keep: int = 2
     lose: float = 0.03
-    hide: float = 0.3
-    coarse: float = 0.4
+    hide: float = 0.0
+    coarse: float = 0.0
     fewest: float = 6.0
 
     def __post_init__(self) -> None:
