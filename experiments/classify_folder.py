@@ -6,61 +6,32 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from aerojax.capture.format import read_capture
-from aerojax.classify.base import Trainable
-from aerojax.classify.familiarity import Familiarity, load_familiarity
+from aerojax.classify.familiarity import load_familiarity
 from aerojax.classify.load import load_classifier
-from aerojax.core.errors import UserError
+from aerojax.core.errors import UserError, failure
 from aerojax.core.files import write_json
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
-from aerojax.pipeline.config import PipelineConfig
-from aerojax.pipeline.offline import reconstruct_capture
-from aerojax.pipeline.results import result_of
-from aerojax.pipeline.trust import TrustConfig
-from experiments._launch.batches import end_batch, failure, find_captures
+from aerojax.pipeline.archive import AskedOfCapture, classify_one
+from experiments._launch.batches import end_batch, find_captures
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
 
 @dataclass(frozen=True, kw_only=True)
-class Config:
+class Config(AskedOfCapture):
     """Which captures, and with what.
 
     captures: folder with capture folders anywhere below it.
-    weights: of a trained classifier; the shipped ones if None.
-    trust: from when on an answer is believed.
     """
 
     preset: str
-    seed: int = 0
     captures: Path = field(metadata={"given": True})
-    weights: Path | None = None
-    pipeline: PipelineConfig = field(default_factory=PipelineConfig)
-    trust: TrustConfig = field(default_factory=TrustConfig)
-
-
-def classify_one(
-    folder: Path, config: Config, classifier: Trainable, familiarity: Familiarity | None
-) -> tuple[dict[str, Any], np.ndarray]:
-    """Truth, answer with its status, probabilities and frames used of one capture; and its log-probabilities."""
-    capture = read_capture(folder)
-    truth = capture.true_class(None)
-    key = jax.random.key(config.seed)
-    known = {"trust": config.trust, "familiarity": familiarity}
-    clip = reconstruct_capture(capture, config.pipeline, classifier, key=key, **known)
-    assert clip.log_probabilities is not None  # there was a classifier
-    last = clip.log_probabilities[-1]
-    result = result_of(capture, clip)
-    kept = ("status", "reasons", "label", "most_likely", "probabilities", "familiarity")
-    answer = {name: result[name] for name in kept}
-    return {"truth": truth, **answer, "frames": [len(clip.frames), capture.frames]}, last
 
 
 def show(console: Console, rows: list[dict[str, Any]], figures: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from rich.console import Console
 
 from aerojax.capture.format import read_capture
-from aerojax.core.errors import UserError
+from aerojax.core.errors import UserError, failure
 from aerojax.core.files import write_bytes, write_json
 from aerojax.evaluate.images import image_figures
 from aerojax.gaussians.io.placement import place
@@ -27,7 +27,7 @@ from aerojax.reconstruct.fit.matte import matted_views
 from aerojax.reconstruct.fit.optimise import GaussianFitConfig, fit_gaussians
 from aerojax.reconstruct.fit.start import only_real
 from aerojax.simulate.sample import SampleConfig, sample_capture
-from experiments._launch.batches import end_batch, failure, result_folders
+from experiments._launch.batches import end_batch, result_folders
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 

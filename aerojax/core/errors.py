@@ -48,3 +48,8 @@ class UserError(ValueError):
 
     def __str__(self) -> str:
         return f"{self.problem}; {self.remedy}" if self.remedy else self.problem
+
+
+def failure(error: UserError | OSError) -> dict[str, str]:
+    """Why one of many has no result, for the record of a run."""
+    return {"code": error.code if isinstance(error, UserError) else "unreadable", "text": str(error)}

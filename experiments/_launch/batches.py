@@ -34,11 +34,6 @@ def result_folders(captures: Sequence[Path]) -> list[str]:
     return names
 
 
-def failure(error: UserError | OSError) -> dict[str, str]:
-    """Why a capture has no result, for the record of the run."""
-    return {"code": error.code if isinstance(error, UserError) else "unreadable", "text": str(error)}
-
-
 def exit_code(failed: int, done: int) -> int:
     """0 if all captures have a result, 1 if some have none, 2 if none has."""
     return 0 if not failed else 1 if done else 2

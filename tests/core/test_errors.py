@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 
-from aerojax.core.errors import UserError
+from aerojax.core.errors import UserError, failure
 
 
 def test_half_letters_of_a_name_are_spelled_out():
@@ -16,3 +16,8 @@ def test_half_letters_of_a_name_are_spelled_out():
 
 def test_other_letters_stay():
     assert str(UserError("missing", "第一 is missing")) == "第一 is missing"
+
+
+def test_why_one_of_many_has_no_result():
+    assert failure(UserError("missing", "a", "b")) == {"code": "missing", "text": "a; b"}
+    assert failure(PermissionError("no")) == {"code": "unreadable", "text": "no"}

@@ -13,8 +13,8 @@ from aerojax.classify.base import untrained
 from aerojax.classify.load import save_classifier
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.errors import UserError
-from experiments import classify_folder, fit_gaussians
-from experiments._launch.batches import exit_code, failure, find_captures, result_folders
+from experiments import classify_archive, classify_folder, fit_gaussians
+from experiments._launch.batches import exit_code, find_captures, result_folders
 
 
 def test_captures_of_one_name_are_told_apart(tmp_path):
@@ -44,8 +44,6 @@ def test_results_of_captures_of_one_name_have_a_folder_each():
 
 def test_the_code_tells_how_many_failed():
     assert [exit_code(0, 3), exit_code(1, 2), exit_code(3, 0)] == [0, 1, 2]
-    assert failure(UserError("missing", "a", "b")) == {"code": "missing", "text": "a; b"}
-    assert failure(PermissionError("no")) == {"code": "unreadable", "text": "no"}
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +86,49 @@ def test_two_captures_of_one_name_have_their_own_rows(shared, weights, tmp_path,
     assert run(classify_folder, monkeypatch, f"captures={folder}", *arguments) == 0
     rows = json.loads((tmp_path / "run/metrics.json").read_text())["captures"]
     assert [row["capture"] for row in rows] == ["site1/flight01", "site2/flight01"]
+
+
+def test_archives_of_one_name_are_refused(tmp_path):
+    for place in ("s1/f/a", "s2/f/b", "s2/g/b"):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "capture.json").touch()
+    both = classify_archive.named((tmp_path / "s1/f", tmp_path / "s2/g"))
+    assert both == {"f/a": tmp_path / "s1/f/a", "g/b": tmp_path / "s2/g/b"}
+    assert list(classify_archive.named((tmp_path / "s1/f/a",))) == ["a"]
+    assert list(classify_archive.named((tmp_path / "s2",))) == ["f/b", "g/b"]
+    (tmp_path / "s2/f/a").mkdir()
+    (tmp_path / "s2/f/a/capture.json").touch()
+    with pytest.raises(UserError, match="are both f/a"):
+        classify_archive.named((tmp_path / "s1/f", tmp_path / "s2/f"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("cluster", ["local", "ray"])
+def test_archives_have_the_same_answers_whoever_classifies(cluster, shared, weights, tmp_path, monkeypatch, capsys):
+    """One of three captures shows nothing; one worker here, two there, and a run that goes on."""
+    folder = shared / "bugs/captures/folder_with_one_empty"
+    if not folder.is_dir():
+        pytest.skip(f"{folder} is absent")
+    if cluster == "ray":
+        pytest.importorskip("ray", reason="Ray is not installed; it comes with the extra `cluster`")
+        monkeypatch.setenv("RAY_AUTH_MODE", "disabled")
+        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).resolve().parents[2]))
+    said, given = [], (f"captures=[{folder}]", f"weights={weights}")
+    for place, workers, where in (("one", 1, "local"), ("two", 2, cluster)):
+        run_directory = f"hydra.run.dir={tmp_path}/{place}"
+        assert run(classify_archive, monkeypatch, *given, run_directory, f"workers={workers}", f"cluster={where}") == 1
+        said.append((tmp_path / place / "answers.jsonl").read_bytes())
+    assert said[0] == said[1] and said[0].count(b"\n") == 3
+    rows = [json.loads(line) for line in said[0].splitlines()]
+    assert [row["capture"] for row in rows] == ["a", "b", "c"] and sum("error" in row for row in rows) == 1
+    answered = next(row["capture"] for row in rows if "error" not in row)
+    before = (tmp_path / f"two/answers/{answered}.json").stat().st_mtime_ns
+    (tmp_path / "two/metrics.json").unlink()
+    assert run(classify_archive, monkeypatch, *given, f"hydra.run.dir={tmp_path}/two", "workers=1") == 1
+    assert (tmp_path / f"two/answers/{answered}.json").stat().st_mtime_ns == before
+    assert (tmp_path / "two/answers.jsonl").read_bytes() == said[0]
+    assert json.loads((tmp_path / "two/metrics.json").read_text())["statuses"]["error"] == 1
+    assert "1 of 3 captures were not classified" in capsys.readouterr().err
 
 
 def test_nothing_but_defective_captures(tmp_path, weights, monkeypatch, capsys):

@@ -11,6 +11,7 @@ from experiments._launch.composition import CONF_DIR, composed
 NAMES = sorted(p.stem for p in CONF_DIR.glob("*.yaml") if p.stem != "base")
 REQUIRED = {
     "calibrate": ("videos=videos",),
+    "classify_archive": ("captures=[captures]",),
     "classify_folder": ("captures=captures",),
     "fit_familiarity": ("weights=weights.safetensors",),
     "fit_gaussians": ("capture=capture",),
