@@ -15,7 +15,7 @@ from aerojax.classify.load import load_classifier
 from aerojax.core.types import CLASSES
 from aerojax.data.clips import load_clips
 from aerojax.evaluate.answers import log_probabilities
-from experiments import classify, generate_dataset, reconstruct_dataset, train_classifier
+from experiments import classify, generate_dataset, reconstruct_dataset, train_classifier, train_detector
 
 
 @pytest.fixture(scope="module")
@@ -115,3 +115,15 @@ def test_the_sample_is_classified_with_those_weights(trained, place, monkeypatch
     assert "<html" in page and "http://" not in page.replace("http://www.w3.org", "")
     assert "truth: drone" in capsys.readouterr().out
     shutil.rmtree(place / "samples")
+
+
+@pytest.mark.slow
+def test_a_detector_is_trained_on_its_images_and_asked_again(clips, place, monkeypatch):
+    data = ("preset=smoke", f"dataset={place}/data")
+    run_command(train_detector, monkeypatch, *data, "detector.frames=2", f"hydra.run.dir={place}/detector")
+    weights = f"weights={place}/detector/weights.safetensors"
+    run_command(train_detector, monkeypatch, *data, weights, f"hydra.run.dir={place}/asked")
+    first, again = (json.loads((place / name / "metrics.json").read_text()) for name in ("detector", "asked"))
+    assert first["test"]["clips"] == 4 and set(first["groups"]["rigs"]) == {"random"}
+    assert first["images"]["count"] == 4 and again["detector"]["frames"] == 2
+    assert (again["test"], again["images"]) == (first["test"], first["images"])
