@@ -14,6 +14,7 @@ from aerojax.capture.format import write_capture_json
 from aerojax.core.files import write_json
 from aerojax.core.provenance import provenance
 from aerojax.evaluate.tracking import TrackingFrame, tracking_figures
+from aerojax.track.adjust.outlines import mask_outlines
 from aerojax.track.adjust.problem import AdjustConfig
 from aerojax.track.adjust.recording import Adjustment, adjust_recording, adjustment_to_json
 from aerojax.track.camera_files import write_cameras
@@ -76,7 +77,9 @@ def main(config: Config, run: Run) -> None:
         state = read_state(config.state, names) if config.state else None
         used = cameras
         if config.find_corrections or config.apply_corrections:
-            found = adjust_recording(detections, cameras, config.following, config.adjust, progress=show)
+            outlines = mask_outlines(capture, progress=show) if capture is not None and config.adjust.poses else None
+            asked = detections, cameras, config.following, config.adjust
+            found = adjust_recording(*asked, outlines=outlines, progress=show)
             used = found.apply(cameras) if config.apply_corrections else cameras
         done = follow(detections, used, config.following, state=state, progress=show)
     for name in ("tracks.jsonl", "tracks.csv"):

@@ -39,7 +39,7 @@ def mask_detections(
     for frame in range(capture.frames):
         seen = read_frames(own_clocks, frame, rgb=False)
         for camera, mask in enumerate(seen.ids):
-            for x0, y0, x1, y1 in () if mask is None else _boxes(mask):
+            for _, (x0, y0, x1, y1) in () if mask is None else whole_instances(mask):
                 diagonal = float(np.hypot(x1 - x0, y1 - y0))
                 rows.append((camera, seen.time_s, (x0 + x1) / 2, (y0 + y1) / 2, diagonal))
         progress(frame + 1, capture.frames, "masks")
@@ -58,9 +58,10 @@ def _stored(capture: Capture, straight: Detections) -> Detections:
     return replace(straight, pixels=pixels)
 
 
-def _boxes(mask: Integer[np.ndarray, "height width"]) -> Iterator[Box]:
+def whole_instances(mask: Integer[np.ndarray, "height width"]) -> Iterator[tuple[int, Box]]:
+    """Numbers and boxes of the instances that a mask shows whole."""
     height, width = mask.shape
-    for number in np.unique(mask[mask > 0]):
+    for number in np.unique(mask[mask > 0]).tolist():
         box = tight_box(mask == number, min_pixels=FEWEST_PIXELS)
         if box is not None and not touches_border(box, width, height):
-            yield box
+            yield number, box

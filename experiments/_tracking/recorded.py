@@ -17,6 +17,7 @@ from aerojax.pipeline.several import TracksOfRecording, classify_tracks
 from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import make_pipeline
 from aerojax.pipeline.trust import TrustConfig
+from aerojax.track.adjust.outlines import mask_outlines
 from aerojax.track.masks import mask_detections
 from aerojax.track.recordings import recalibrated
 from aerojax.track.sights import timed
@@ -46,7 +47,8 @@ def poses_row(capture: Capture, number: int, asked: Asked, measured: MeasuredCon
     """One camera that is wrong: answers with it, and with the cameras that the tracks say there should be."""
     cameras = tuple(timed(camera) for camera in capture.cameras)
     which, what, given = with_wrong_pose(cameras, number, measured.errors, np.random.default_rng([asked.seed, number]))
-    found, errors = recovered(mask_detections(capture), given, cameras, measured)
+    seen = mask_detections(capture)
+    found, errors = recovered(seen, given, cameras, measured, outlines=mask_outlines(capture))
     captures = {"true": capture, "given": recalibrated(capture, given), "found": recalibrated(capture, found)}
     answers = {name: count_answers(tracks_row(one, asked)["tracks"]) for name, one in captures.items()}
     return {"camera": which, "wrong": what, **errors, "answers": answers}

@@ -20,14 +20,21 @@ FIGURES = {
     "switches": "switches",
     "missed": "missed",
     "offset_error_ms": "offset off by, ms",
+    "offset_sigma_ms": "as reported, ms",
+    "offset_bound_ms": "at best, ms",
+    "offset_over_sigma": "error over reported",
     "offset_error_ends_ms": "at the ends, ms",
     "rmse_ratio": "RMSE over that of perfect clocks",
     "rotation_error_deg": "rotation off by, °",
     "position_error_m": "position off by, m",
+    "pose_over_sigma": "error over reported",
+    "changed": "cameras changed",
     "off_px": "sights off by, px",
     "then_px": "and then, px",
 }
 """Keys of rows, and what people call them."""
+COUNTS = "clocks", "offsets_right", "determined", "determined_right"
+"""Keys of rows that are added up."""
 
 
 def summary(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:
@@ -43,6 +50,8 @@ def summary(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:
             for key, values in known.items()
         }
         found[kind] = {"scenes": len(some), **figures}
+        if COUNTS[0] in some[0]:
+            found[kind]["offsets"] = {key: sum(row[key] for row in some) for key in COUNTS}
         if "tracks" in some[0]:
             found[kind]["answers"] = count_answers([track for row in some for track in row["tracks"]])
         if "answers" in some[0]:

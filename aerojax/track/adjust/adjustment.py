@@ -7,22 +7,22 @@ would factor dense matrices of thousands of control points.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from aerojax.track.adjust.corrections import SHIFT, TURN, UNKNOWNS, Correction, corrected, difference
+from aerojax.track.adjust.corrections import UNKNOWNS, Correction, corrected, difference
+from aerojax.track.adjust.evidence import Evidence, Looked
 from aerojax.track.adjust.problem import Guess, Linearised, Problem, linearise
 
 _FIRST_DAMPING, _LEAST_DAMPING = 1e-4, 1e-12
 _MOST_TRIES = 12
 _ENOUGH = 1e-7
 """Relative gain of a step that is the last one."""
-_SUSPECT = 2.0
-"""Corrections that are fewer times what is usual need no second look."""
+_NONE = np.zeros(UNKNOWNS)
 
 Progress = Callable[[int, int, str], None]
 
@@ -52,29 +52,6 @@ def solve(problem: Problem, guess: Guess, progress: Progress) -> tuple[Guess, fl
     return guess, now.cost
 
 
-def simplified(problem: Problem, guess: Guess, cost: float, progress: Progress) -> Guess:
-    """A guess that explains the sights as well with fewer corrections, if there is one.
-
-    What a camera's rotation does to its pixels, its position nearly can; steps end where both are corrected by part.
-    So each is taken back where it is large, and what then is best is kept if it costs less.
-    """
-    if not problem.config.poses:
-        return guess
-    usual = ((TURN, np.radians(problem.config.rotation_deg)), (SHIFT, problem.config.position_m))
-    for index, given in enumerate(problem.given):
-        for part, scale in usual:
-            values = difference(given, guess.cameras[index], np.zeros(UNKNOWNS)).values()
-            if np.linalg.norm(values[part]) < _SUSPECT * scale:
-                continue
-            values[part] = 0
-            without = corrected(given, Correction.of(values, np.zeros(UNKNOWNS)))
-            cameras = (*guess.cameras[:index], without, *guess.cameras[index + 1 :])
-            trial, spent = solve(problem, replace(guess, cameras=cameras), progress)
-            if spent < cost:
-                guess, cost = trial, spent
-    return guess
-
-
 def _normal(now: Linearised, free: Int64[np.ndarray, "free"]) -> tuple[csr_array, Float64[np.ndarray, "free"]]:
     """Normal matrix and right side of the weighted rows."""
     by_free = csr_array(now.by_unknown[:, free])
@@ -82,16 +59,48 @@ def _normal(now: Linearised, free: Int64[np.ndarray, "free"]) -> tuple[csr_array
     return csr_array(turned @ diags_array(now.weight) @ by_free), turned @ (now.weight * now.off)
 
 
-def sigmas(problem: Problem, guess: Guess) -> Float64[np.ndarray, "camera 9"]:
-    """Standard deviations of the cameras' unknowns, from the inverse normal matrix; 0 for what was not looked for."""
-    free = problem.free
-    normal, _ = _normal(linearise(problem, guess), free)
-    begin = problem.first_controls[-1]
-    places = np.flatnonzero(free >= begin)
-    unit = np.zeros((len(free), len(places)))
-    unit[places, np.arange(len(places))] = 1.0
-    found = np.zeros(problem.unknowns - begin)
-    if len(places):
-        solved = splu((normal + diags_array(np.full(len(free), 1e-12))).tocsc()).solve(unit)
-        found[free[places] - begin] = np.sqrt(np.maximum(solved[places, np.arange(len(places))], 0))
-    return found.reshape(-1, UNKNOWNS)
+def evidence(problem: Problem, guess: Guess) -> Evidence:
+    """What the sights say of the cameras' unknowns; the paths follow."""
+    now, begin = linearise(problem, guess), problem.first_controls[-1]
+    normal, slope = _normal(now, np.arange(problem.unknowns))
+    of_paths = splu((normal[:begin, :begin] + diags_array(np.full(begin, 1e-12))).tocsc())
+    shared, own = csr_array(normal[:begin, begin:]).toarray(), slope[begin:]
+    curvature = csr_array(normal[begin:, begin:]).toarray() - shared.T @ of_paths.solve(shared)
+    own = own - shared.T @ of_paths.solve(slope[:begin])
+    count = len(problem.sights.camera)
+    return Evidence(curvature, own, float(np.log(max(count, 2))), _spread(now, count))
+
+
+def _spread(now: Linearised, sights: int) -> float:
+    """By how much the sights' variances are larger than was thought; at least 1.
+
+    Of numbers of variance 1 along two axes, half the squares are below 2·ln 2.
+    """
+    squares = np.sum(now.off[: 2 * sights].reshape(-1, 2) ** 2, axis=1)
+    return max(1.0, float(np.median(squares)) / (2 * np.log(2)))
+
+
+@dataclass(frozen=True, eq=False)
+class PathModel:
+    """Paths and cameras that are to explain a problem's sights; see `choose`."""
+
+    problem: Problem
+    progress: Progress
+
+    def solved(self, looked: Looked, guess: Guess) -> tuple[Guess, float]:
+        """The best guess near this one, and its cost."""
+        cameras = tuple(
+            corrected(given, Correction.of(np.where(own, difference(given, camera, _NONE).values(), 0.0), _NONE))
+            for given, camera, own in zip(self.problem.given, guess.cameras, looked, strict=True)
+        )
+        return solve(replace(self.problem, looked=looked), replace(guess, cameras=cameras), self.progress)
+
+    def evidence(self, guess: Guess) -> Evidence:
+        """About a guess."""
+        return evidence(self.problem, guess)
+
+    def values(self, guess: Guess) -> Float64[np.ndarray, "camera 9"]:
+        """The cameras' corrections."""
+        return np.stack(
+            [difference(*pair, _NONE).values() for pair in zip(self.problem.given, guess.cameras, strict=True)]
+        )

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from aerojax.track.sights import TimedCamera, Vector
 
 CLOCK, TURN, SHIFT = slice(0, 3), slice(3, 6), slice(6, 9)
+OFFSET_RATE, LINE = slice(0, 2), 2
 """Places of the unknowns of a camera: offset, rate, line delay; rotation; position."""
 UNKNOWNS = 9
 

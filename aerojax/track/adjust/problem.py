@@ -1,23 +1,33 @@
 """What clocks, poses and paths should explain: residuals of sights and of what is thought beforehand, with derivatives.
 
-Unknown are each path's spline and each camera's clock and pose; known are the detections that a track owns, each at the
-moment that its camera's clock and its row say. Sights are weighed down as they fit worse (Cauchy's weights; Triggs et
-al. 2000, §3.3).
+Unknown are each path's spline and those of the cameras' clocks and poses that are looked for; known are the detections
+that a track owns, each at the moment that its camera's clock and its row say. Sights are weighed down as they fit worse
+(Cauchy's weights; Triggs et al. 2000, §3.3). Paths jerk at random, each as much as is likeliest (`stiffness`).
 
-Rays alone do not say how the whole network lies in the world, so corrections are kept small by a Cauchy penalty on each
-camera's: it would rather correct one camera by much than all by little, which is what has happened where somebody has
-moved a camera, and leaves alone what is right.
+Shutters of one network are mostly of one make. What all share of their readout looks nearly as if the objects moved a
+little differently, so it is known before to `readout_s`, and how one differs from the others to `readout_spread_s`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 from scipy.sparse import block_diag, coo_array, csr_array, kron, vstack
 
-from aerojax.track.adjust.corrections import CLOCK, SHIFT, TURN, UNKNOWNS, Correction, corrected, difference
+from aerojax.track.adjust.corrections import (
+    CLOCK,
+    LINE,
+    OFFSET_RATE,
+    SHIFT,
+    TURN,
+    UNKNOWNS,
+    Correction,
+    corrected,
+    difference,
+)
 from aerojax.track.adjust.splines import Knots
 from aerojax.track.sights import TimedCamera, sight_of_points
 
@@ -28,9 +38,9 @@ class AdjustConfig:
 
     clocks, line_delay, poses: whether offsets and rates, the shutters' line delays, and poses are looked for.
     search_s: how far offsets may be wrong; 0 looks for small errors alone.
-    offset_s, rate, rotation_deg, position_m: errors that are usual; larger ones must be few.
-    readout_s: standard deviation of the time in which a shutter rolls over an image.
-    knot_s: spacing of the paths' knots. jerk: of them, as in `MotionConfig`.
+    offset_s, rate, rotation_deg, position_m: standard deviations of errors, where there are any.
+    readout_s: of the time in which all shutters roll over an image. readout_spread_s: of how one differs from others.
+    knot_s: spacing of the paths' knots. jerk: of them, as in `MotionConfig`, to begin with.
     most_s: seconds of the recording, about its middle, that are used.
     outlier: standard deviations at which a detection counts half.
     steps: at most.
@@ -40,11 +50,12 @@ class AdjustConfig:
     line_delay: bool = True
     poses: bool = True
     search_s: float = 0.3
-    offset_s: float = 1e-3
-    rate: float = 2e-5
+    offset_s: float = 0.2
+    rate: float = 1e-3
     readout_s: float = 0.02
-    rotation_deg: float = 0.01
-    position_m: float = 0.01
+    readout_spread_s: float = 0.002
+    rotation_deg: float = 0.5
+    position_m: float = 0.2
     knot_s: float = 0.2
     jerk: float = 30.0
     most_s: float = 120.0
@@ -66,11 +77,16 @@ class Sights:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Sights of paths, the cameras as they are given, and each path's knots."""
+    """Sights of paths, the cameras as they are given, and each path's knots.
+
+    jerks: of each path, m/s³. looked: which of the cameras' unknowns are looked for; others are as they are given.
+    """
 
     sights: Sights
     given: tuple[TimedCamera, ...]
     knots: tuple[Knots, ...]
+    jerks: tuple[float, ...]
+    looked: Bool[np.ndarray, "camera 9"]
     config: AdjustConfig
 
     @property
@@ -85,13 +101,18 @@ class Problem:
 
     @property
     def free(self) -> Int64[np.ndarray, "free"]:
-        """Unknowns that are looked for; the first camera's clock is the network's."""
-        looked = np.ones((len(self.given), UNKNOWNS), bool)
-        looked[:, CLOCK] = [self.config.clocks, self.config.clocks, self.config.line_delay]
-        looked[0, :2] = False
-        looked[:, TURN] = looked[:, SHIFT] = self.config.poses
+        """Unknowns that are looked for."""
         paths = self.first_controls[-1]
-        return np.concatenate([np.arange(paths), paths + np.flatnonzero(looked)])
+        return np.concatenate([np.arange(paths), paths + np.flatnonzero(self.looked)])
+
+
+def lookable(config: AdjustConfig, cameras: int) -> Bool[np.ndarray, "camera 9"]:
+    """What may be looked for; the first camera's clock is the network's."""
+    found = np.zeros((cameras, UNKNOWNS), bool)
+    found[1:, OFFSET_RATE] = config.clocks
+    found[:, LINE] = config.line_delay
+    found[:, TURN] = found[:, SHIFT] = config.poses
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,14 +138,13 @@ class Guess:
 class Linearised:
     """Residuals in standard deviations, their derivative by all unknowns, and the weight of each.
 
-    cost: of the guess: Cauchy's for sights and poses, squares for the rest. sights: how many of the rows are of sights.
+    cost: of the guess: Cauchy's for sights, squares for the rest; twice the negative logarithm of its probability.
     """
 
     off: Float64[np.ndarray, "row"]
     by_unknown: csr_array
     weight: Float64[np.ndarray, "row"]
     cost: float
-    sights: int
 
 
 def linearise(problem: Problem, guess: Guess) -> Linearised:
@@ -133,13 +153,12 @@ def linearise(problem: Problem, guess: Guess) -> Linearised:
     square = np.sum(off**2, axis=1)
     scale = problem.config.outlier**2
     weight = np.repeat(1 / (1 + square / scale), 2)
-    before, by_before, before_weight, before_cost = _prior_rows(problem, guess)
+    before, by_before = _prior_rows(problem, guess)
     return Linearised(
         np.concatenate([off.ravel(), before]),
         csr_array(vstack([by_unknown, by_before])),
-        np.concatenate([weight, before_weight]),
-        float(scale * np.sum(np.log1p(square / scale))) + before_cost,
-        off.size,
+        np.concatenate([weight, np.ones(len(before))]),
+        float(scale * np.sum(np.log1p(square / scale)) + np.sum(before**2)),
     )
 
 
@@ -220,31 +239,29 @@ def crossing(vectors: Float64[np.ndarray, "vector 3"]) -> Float64[np.ndarray, "v
     return np.cross(vectors[:, None, :], np.eye(3)[None]).swapaxes(1, 2)
 
 
-def _prior_rows(
-    problem: Problem, guess: Guess
-) -> tuple[Float64[np.ndarray, "row"], csr_array, Float64[np.ndarray, "row"], float]:
-    """Paths jerk little, rates and shutters are about what they are said to be, and few poses are wrong."""
-    config = problem.config
+def _prior_rows(problem: Problem, guess: Guess) -> tuple[Float64[np.ndarray, "row"], csr_array]:
+    """Paths jerk by so much, and cameras are about as they are given."""
     blocks, off = [], []
-    for knots, controls in zip(problem.knots, guess.controls, strict=True):
-        rows = knots.jerk_matrix() * (np.sqrt(knots.spacing_s) / config.jerk)
+    for knots, controls, jerk in zip(problem.knots, guess.controls, problem.jerks, strict=True):
+        rows = knots.jerk_matrix() * (np.sqrt(knots.spacing_s) / jerk)
         blocks.append(csr_array(kron(rows, np.eye(3))))
         off.append((rows @ controls).ravel())
-    weight = [np.ones(sum(map(len, off)))]
-    cost = float(np.sum(np.concatenate(off) ** 2))
     none = np.zeros(UNKNOWNS)
-    for given, camera in zip(problem.given, guess.cameras, strict=True):
-        readout = config.readout_s / camera.height
-        turn, shift = np.radians(config.rotation_deg), config.position_m
-        scale = np.array([config.offset_s, config.rate, readout, turn, turn, turn, shift, shift, shift])
-        own = difference(given, camera, none).values() / scale
-        squares = np.array([own[0] ** 2, own[1] ** 2, np.sum(own[TURN] ** 2), np.sum(own[SHIFT] ** 2)])
-        blocks.append(csr_array(np.diag(1 / scale)))
-        off.append(own)
-        offset, rate, turned, shifted = 1 / (1 + squares)
-        weight.append(np.repeat([offset, rate, 1.0, turned, shifted], [1, 1, 1, 3, 3]))
-        cost += float(own[2] ** 2 + np.sum(np.log1p(squares)))
-    return np.concatenate(off), csr_array(block_diag(blocks)), np.concatenate(weight), cost
+    values = [difference(*pair, none).values() for pair in zip(problem.given, guess.cameras, strict=True)]
+    rows = prior_matrix(problem.config, problem.given)
+    return np.concatenate([*off, rows @ np.concatenate(values)]), csr_array(block_diag([*blocks, csr_array(rows)]))
+
+
+def prior_matrix(config: AdjustConfig, cameras: Sequence[TimedCamera]) -> Float64[np.ndarray, "unknown unknown"]:
+    """What makes corrections of all cameras numbers of mean 0, variance 1 and no correlation."""
+    turn, shift = np.radians(config.rotation_deg), config.position_m
+    scale = np.array([config.offset_s, config.rate, 1.0, turn, turn, turn, shift, shift, shift])
+    rows = np.diag(np.tile(1 / scale, len(cameras)))
+    lines = LINE + UNKNOWNS * np.arange(len(cameras))
+    covariance = config.readout_s**2 + config.readout_spread_s**2 * np.eye(len(cameras))
+    heights = np.array([camera.height for camera in cameras], np.float64)
+    rows[np.ix_(lines, lines)] = np.linalg.inv(np.linalg.cholesky(covariance)) * heights
+    return rows
 
 
 def sight_distances(problem: Problem, guess: Guess) -> tuple[float, ...]:

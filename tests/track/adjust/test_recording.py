@@ -12,7 +12,7 @@ from support.flights import frames_of, path, ring, watch
 from aerojax.core.errors import UserError
 from aerojax.evaluate.tracking import tracking_figures
 from aerojax.track.adjust.corrections import Correction, corrected, corrections_to_json, difference
-from aerojax.track.adjust.problem import AdjustConfig, Guess, Problem, Sights, linearise
+from aerojax.track.adjust.problem import AdjustConfig, Guess, Problem, Sights, linearise, lookable
 from aerojax.track.adjust.recording import adjust_recording
 from aerojax.track.adjust.splines import fit, knots_over
 from aerojax.track.following import FollowingConfig
@@ -57,7 +57,8 @@ def test_derivatives_are_those_of_differences():
         np.full(len(seen.camera), 2.0),
         np.zeros(len(seen.camera), np.int64),
     )
-    problem = Problem(sights, cameras, (knots,), AdjustConfig())
+    looked = lookable(AdjustConfig(), 3)
+    problem = Problem(sights, cameras, (knots,), (30.0,), looked, AdjustConfig())
     guess = Guess(cameras, (controls,))
     now = linearise(problem, guess)
     scale = np.concatenate(
