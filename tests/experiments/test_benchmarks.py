@@ -9,7 +9,7 @@ import pytest
 
 from aerojax.core.colour import srgb_from_linear
 from aerojax.simulate.render.image import RenderedImage
-from experiments._benchmarks import blender, factory, simulator
+from experiments._benchmarks import archive, blender, factory, simulator
 
 
 def test_a_step_inside_another_counts_for_itself_alone():
@@ -70,6 +70,17 @@ def test_rates_leave_out_what_a_start_costs():
         and found["clips_per_cpu_s"] == 1.5
         and found["clips_per_s_with_start"] == round(28 / 22, 3)
     )
+
+
+def test_two_workers_beside_one():
+    few, many = ({"captures": n, "seconds": 5.0 + n, "cpu_s": 4.0 + 0.9 * n} for n in (archive.FEW, archive.MANY))
+    pair = ({"captures": n, "seconds": 5.0 + 0.6 * n, "cpu_s": 8.0 + n} for n in (archive.FEW, archive.MANY))
+    rows = [archive.row(few, many, 1), archive.row(*pair, 2)]
+    assert [(r["seconds_a_capture"], r["cpu_s_a_capture"], r["start_cpu_s"]) for r in rows] == [
+        (1, 0.9, 4),
+        (0.6, 1, 8),
+    ]
+    assert archive.speed_up(rows) == {"times_faster": 1.67, "times_faster_by_processor_time": 1.8}
 
 
 def picture() -> RenderedImage:
