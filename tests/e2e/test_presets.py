@@ -122,7 +122,7 @@ def clips_of(folder):
 def dataset(folder) -> Path:
     """One bird's flight, in as few pixels as may be."""
     with pytest.MonkeyPatch.context() as patch:
-        few = ("preset=smoke", "rig=random", "classes=[bird]", "frames=2", "sequences={train: 1, val: 0, test: 1}")
+        few = ("preset=smoke", "rig=random", "classes=[bird]", "frames=2", "sequences={train: 1, val: 1, test: 1}")
         where = (f"folder={folder}/data", f"hydra.run.dir={folder}/generate", "workers=1", "images.samples=1")
         run_command(importlib.import_module("experiments.generate_dataset"), patch, *few, *where)
     return folder / "data"
@@ -236,9 +236,17 @@ def test_a_reconstructor(preset, monkeypatch, tmp_path):
     assert found["scenes"]["train"] == 2
 
 
+@pytest.mark.parametrize("preset", ["small", "full"])
+def test_a_detector(preset, dataset, monkeypatch, tmp_path):
+    short = ("per_rig=1", "training.epochs=1", "training.batch=1", "learn.frames=1", "learn.cameras=1", "draws=10")
+    found = run(monkeypatch, "train_detector", preset, tmp_path / "run", f"dataset={dataset}", *short)
+    assert found["test"]["clips"] == 1 and found["images"]["count"] > 2
+
+
 def test_no_preset_is_left_out():
     """Acts that are not run here have one configuration whatever the preset, but for names of folders."""
     run_here = {*ON_CLIPS, *ALONE, *ON_DATASETS, *SWEEPS, "generate_dataset", "import_models", "train_reconstructor"}
+    run_here |= {"train_detector"}
     for act in set(NAMES) - run_here:
         configs = [
             json.dumps(values_of(act, f"preset={preset}", *ONLY_COUNTS.get(act, ())), default=str, sort_keys=True)
