@@ -168,10 +168,15 @@ def corrected() -> str:
     found, rows = _tracked(), []
     names = {
         "offset_error_ms": "clock of the worst camera off by, ms",
-        "offset_error_ends_ms": "the same at the recording's ends, ms",
+        "offset_sigma_ms": "its standard deviation as reported, ms",
+        "offset_bound_ms": "and at best, ms",
+        "offset_over_sigma": "error over what is reported",
+        "offset_error_ends_ms": "clock of the worst camera at the recording's ends, ms",
         "rmse_ratio": "RMSE over that of perfect clocks",
         "rotation_error_deg": "rotation of the worst camera off by, °",
         "position_error_m": "position of the worst camera off by, m",
+        "changed": "cameras that are corrected",
+        "pose_over_sigma": "error over what is reported",
         "off_px": "sights of the worst camera off by, as given, pixels",
         "then_px": "and as found, pixels",
     }
