@@ -35,8 +35,7 @@ def seconds(folders: list[Path], count: int, workers: int, out: Path) -> dict[st
     """Wall-clock and processor seconds to classify so many captures."""
     named = {f"{number:03d}": folders[number % len(folders)] for number in range(count)}
     begin, cpu = time.perf_counter(), _cpu()
-    given = {"workers": workers, "cluster": "local", "progress": _ignore}
-    classify_archive(named, AskedOfCapture(), out, **given)
+    classify_archive(named, AskedOfCapture(), out, workers=workers, cluster="local", progress=_ignore)
     return {"captures": count, "seconds": time.perf_counter() - begin, "cpu_s": _cpu() - cpu}
 
 
