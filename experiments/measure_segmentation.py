@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -19,9 +22,12 @@ from aerojax.evaluate.segmentation import segmentation_table
 from aerojax.pipeline.config import PipelineConfig
 from aerojax.segment.voxel_vote.member import VoxelVoteConfig
 from experiments._launch.command import Run, experiment
-from experiments._launch.progress import progress_bar
+from experiments._launch.progress import progress_bar, shown_in
 from experiments._segmentation.labels import label_figures
 from experiments._segmentation.measured import Classifying, Shown, measured, some_cameras
+
+Row = dict[str, Any]
+"""Of one capture with so many cameras, of which so many must agree: JSON-ready figures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,20 +79,29 @@ def _folders(config: Config) -> list[Path]:
     return chosen
 
 
+def _rows(config: Config, kept: Path, progress: Callable[[int, int, str], None]) -> list[Row]:
+    """A row a case, each written to `kept` as it is there; those that a stopped run left are taken from it."""
+    cases = [(path, n, k) for path in _folders(config) for n in config.cameras for k in config.views]
+    rows: list[Row] = json.loads(kept.read_text(encoding="utf-8")) if kept.is_file() else []
+    classifying = Classifying(config.pipeline, load_classifier(config.weights)) if config.labels else None
+    for done, (path, cameras, views) in enumerate(cases[len(rows) :], len(rows)):
+        progress(done, len(cases), "captures")
+        capture = some_cameras(read_capture(path), cameras, config.most_frames)
+        shown = Shown.of(capture, config.clutter, config.seed)
+        segment = replace(config.segment, vote=replace(config.segment.vote, views=views))
+        row = {"capture": path.name, "cameras": len(capture.cameras), "views": views}
+        rows.append({**row, **measured(shown, segment, classifying, seed=config.seed)})
+        write_json(kept, rows)
+    progress(len(cases), len(cases), "captures")
+    return rows
+
+
 @experiment(Config, finished_by="results.json")
 def main(config: Config, run: Run) -> None:
-    """Write results.json and print a row a capture."""
-    cases = [(path, n, k) for path in _folders(config) for n in config.cameras for k in config.views]
-    console, rows, classifying = Console(), [], None
-    if config.labels:
-        classifying = Classifying(config.pipeline, load_classifier(config.weights))
+    """Write results.json and print a row a capture; one that was stopped goes on where it was."""
+    console = Console()
     with progress_bar() as bar:
-        for path, cameras, views in bar.track(cases, description="captures"):
-            capture = some_cameras(read_capture(path), cameras, config.most_frames)
-            shown = Shown.of(capture, config.clutter, config.seed)
-            segment = replace(config.segment, vote=replace(config.segment.vote, views=views))
-            row = {"capture": path.name, "cameras": len(capture.cameras), "views": views}
-            rows.append({**row, **measured(shown, segment, classifying, seed=config.seed)})
+        rows = _rows(config, run.directory / "rows.json", shown_in(bar))
     console.print(segmentation_table(rows), soft_wrap=True)
     notes = {"rows": rows, "segment": to_mapping(config.segment), "seed": config.seed}
     notes |= {"clutter": None if config.clutter is None else to_mapping(config.clutter)}

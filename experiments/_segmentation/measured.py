@@ -61,7 +61,8 @@ def measured(shown: Shown, segment: SegmenterConfig, classifying: Classifying | 
     """
     capture = shown.capture
     segmenter, given = segment.build(None), GivenConfig().build(None)
-    state, known = segmenter.initial(capture.cameras, shown), given.initial(capture.cameras, shown)
+    # Without a preview the masks may also show nothing from first to last, as behind trees.
+    state, known = segmenter.initial(capture.cameras, shown), given.initial(capture.cameras, None)
     labelled: dict[str, Labelled] = {}
     if classifying is not None:
         made = capture.cameras, classifying.pipeline, classifying.classifier

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from support.command_line import run_command
 
@@ -56,3 +58,13 @@ def test_masks_that_are_found_and_given_are_classified(monkeypatch, tmp_path):
     found = results(tmp_path / "run")
     assert found["labels"]["captures"] == found["labels"]["labelled_given"] == len(found["rows"]) == 1
     assert found["rows"][0]["true"] == "bird" and found["rows"][0]["median_iou"] > 0.5
+    kept = tmp_path / "run/rows.json"
+    kept.write_text(json.dumps([{**found["rows"][0], "ghosts_in_100": 7.0}]))
+    (tmp_path / "run/results.json").unlink()
+    run_command(measure_segmentation, monkeypatch, *asked)
+    assert results(tmp_path / "run")["rows"][0]["ghosts_in_100"] == 7.0  # a run that was stopped goes on
+    for mask in tmp_path.glob("data/test/*/*/mask/*.png"):
+        cv2.imwrite(str(mask), np.zeros_like(cv2.imread(str(mask), cv2.IMREAD_UNCHANGED)))
+    run_command(measure_segmentation, monkeypatch, *asked, f"hydra.run.dir={tmp_path}/hidden")
+    hidden = results(tmp_path / "hidden")
+    assert hidden["labels"]["labelled_given"] == 0 and hidden["rows"][0]["median_iou"] is None
