@@ -224,15 +224,20 @@ def unknown_by_set() -> str:
     for name in ("all", "sim1", "sim2", "random", "sim3"):
         row = found[name]
         areas = [f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece")]
+        areas[-1] += f" ({row['ece_by_chance']['mean']:.3f}, {row['ece_by_chance']['upper_95']:.3f})"
         shares = [percent(row[key]) for key in ("accuracy", "accuracy_of_answered", "known_called_unknown")]
-        rows.append(["factory" if name == "all" else name, row["clips"], *areas, *shares])
+        sets = [percent(row["sets"]["coverage"]), f"{row['sets']['mean_size']:.2f}"]
+        rows.append(["factory" if name == "all" else name, row["clips"], *areas, *shares, *sets])
     head = [
         "clips of the classes",
         "number",
         "AUROC",
         "of the probability alone",
-        "ECE",
+        "ECE (by chance)",
         "right",
         "right of the others",
+        "called unknown",
+        "class in its set",
+        "classes a set",
     ]
-    return markdown([*head, "called unknown"], rows)
+    return markdown(head, rows)

@@ -86,8 +86,7 @@ def _table(figures: dict[str, Any], sides: list[str]) -> Table:
     for name in sides:
         row = figures[name]
         shares = (f"{row[key]:.1%}" for key in ("known_called_unknown", "strange_called_unknown"))
-        areas = [f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece")]
-        areas[-1] += f" (calibrated: {row['ece_by_chance']['mean']:.3f})"
+        areas = (f"{row[key]:.3f}" for key in ("auroc", "auroc_of_probability", "ece"))
         sets = (f"{row['sets']['coverage']:.1%}", f"{row['sets']['mean_size']:.2f}") if "sets" in row else ("-", "-")
         table.add_row(name, str(row["clips"]), *areas, *shares, *sets)
     return table
