@@ -1,4 +1,4 @@
-"""Write docs/results.md, docs/limits.md and the results in README.md: templates filled with figures of results/*.json.
+"""Write docs/{results,limits,scale}.md and the results in README.md: templates filled with figures of results/*.json.
 
     make docs
 
@@ -31,6 +31,7 @@ from result_tables import (
     unknown_by_set,
     widths,
 )
+from scale_tables import scale_costs
 from work_tables import (
     blender,
     consistency,
@@ -126,6 +127,7 @@ TABLES: dict[str, Callable[[], str]] = {
         track_labels,
         unknown,
         unknown_by_set,
+        scale_costs,
         origins,
     )
 }

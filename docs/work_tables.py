@@ -109,11 +109,24 @@ def endurance() -> str:
         said += f"{windows[-1]['handles']} handles, {windows[1]['handles']} at the begin; "
         said += f"a probability at the same frame of the loop moves by at most {formatted(found['drift'], '.0e')}"
         rows.append([f"a stream of {found['frames']:,} frames, {found['cameras']} small cameras", said])
+    if "measure_soak_serve" in there:
+        rows.append(_served(load("measure_soak_serve")))
     if "fuzz" in there:
         found = load("fuzz")
         said = f"{len(found['findings'])} findings"
         rows.append([f"{found['inputs']:,} damaged files of {len(found['read'])} formats, seed {found['seed']}", said])
     return markdown(["what", "result"], rows) if rows else "Not measured yet."
+
+
+def _served(found: dict[str, Any]) -> list[str]:
+    first, last, grown = found["windows"][1], found["windows"][-1], found["growth_in_10000_frames"]["resident_mb"]
+    said = f"{first['processor_ms']:.1f} ms of processor time a frame at the begin, {last['processor_ms']:.1f} at the "
+    said += f"end; {last['resident_mb']:,.0f} MB, {grown:+.2f} MB in 10,000 frames; {last['handles']} handles, "
+    said += (
+        f"{first['handles']} at the begin; {last['begun']:,} tracks that came and went; {found['dropped']} frames and "
+    )
+    said += f"{sum(found['failed_sends'].values())} messages lost"
+    return [f"`serve` over {found['frames']:,} frames, {found['cameras']} small cameras, without masks", said]
 
 
 def live() -> str:
