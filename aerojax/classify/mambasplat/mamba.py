@@ -53,11 +53,7 @@ class MambaMixer(nnx.Module):
 
     def __call__(self, u: Float[Array, "time width"]) -> Float[Array, "time width"]:
         """Mix a clip along time, causally, from the zero state."""
-        x, z = jnp.split(self.in_proj(u), 2, axis=-1)
-        taps = self.conv_weight[...]
-        padded = jnp.pad(x, ((taps.shape[1] - 1, 0), (0, 0)))
-        x = sum(padded[j : j + x.shape[0]] * taps[None, :, j] for j in range(taps.shape[1]))
-        x = jax.nn.silu(x + self.conv_bias[...][None])
+        x, z = self._convolved(u)
         decay, drive, readout = self._select(x)
 
         def combine(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -65,6 +61,34 @@ class MambaMixer(nnx.Module):
 
         states = jax.lax.associative_scan(combine, (decay, drive))[1]
         return self._emit(states, readout, x, z)
+
+    def in_order(self, u: Float[Array, "time width"]) -> Float[Array, "time width"]:
+        """The same, one time after the other, so that the states of all times never exist at once.
+
+        The parallel scan passes over them again and again. For long sequences they are too many for a processor's
+        caches.
+        """
+        x, z = self._convolved(u)
+        dt, B, C = self._chosen(x)
+        rate = -jnp.exp(self.A_log[...])
+
+        def step(memory: Array, now: tuple[Array, ...]) -> tuple[Array, Array]:
+            dt, driven, B, C = now
+            memory = jnp.exp(dt[:, None] * rate) * memory + driven[:, None] * B[None]
+            return memory, memory @ C
+
+        read = jax.lax.scan(step, jnp.zeros(rate.shape, u.dtype), (dt, dt * x, B, C))[1]
+        return self.out_proj((read + over_last_axis(self.D[...], x) * x) * jax.nn.silu(z))
+
+    def _convolved(
+        self, u: Float[Array, "time width"]
+    ) -> tuple[Float[Array, "time inner"], Float[Array, "time inner"]]:
+        """What the state is driven with, and the gate."""
+        x, z = jnp.split(self.in_proj(u), 2, axis=-1)
+        taps = self.conv_weight[...]
+        padded = jnp.pad(x, ((taps.shape[1] - 1, 0), (0, 0)))
+        x = sum(padded[j : j + x.shape[0]] * taps[None, :, j] for j in range(taps.shape[1]))
+        return jax.nn.silu(x + self.conv_bias[...][None]), z
 
     def step(self, u: Float[Array, "width"], state: MambaState) -> tuple[Float[Array, "width"], MambaState]:
         """Mix one frame and return the next state; a clip step by step equals `__call__`."""
@@ -77,11 +101,15 @@ class MambaMixer(nnx.Module):
 
     def _select(self, x: Float[Array, "*time inner"]) -> tuple[Array, Array, Array]:
         """Decay exp(ΔA), drive ΔBx and readout C, all chosen by the input."""
-        states, rank = self.A_log[...].shape[1], self.dt_weight[...].shape[1]
-        low_rank, B, C = jnp.split(self.x_proj(x), [rank, rank + states], axis=-1)
-        dt = jax.nn.softplus(low_rank @ self.dt_weight[...].T + over_last_axis(self.dt_bias[...], x))
+        dt, B, C = self._chosen(x)
         decay = jnp.exp(jnp.einsum("...i,is->...is", dt, -jnp.exp(self.A_log[...])))
         return decay, jnp.einsum("...i,...s->...is", dt * x, B), C
+
+    def _chosen(self, x: Float[Array, "*time inner"]) -> tuple[Array, Array, Array]:
+        """Δ, B and C."""
+        states, rank = self.A_log[...].shape[1], self.dt_weight[...].shape[1]
+        low_rank, B, C = jnp.split(self.x_proj(x), [rank, rank + states], axis=-1)
+        return jax.nn.softplus(low_rank @ self.dt_weight[...].T + over_last_axis(self.dt_bias[...], x)), B, C
 
     def _emit(self, states: Array, readout: Array, x: Array, z: Array) -> Array:
         y = jnp.einsum("...cs,...s->...c", states, readout) + over_last_axis(self.D[...], x) * x
