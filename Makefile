@@ -8,7 +8,7 @@ SITE_TOOLS := $(VENV)/.site_tools
 DEMO := runs/demo
 AEROJAX := cd $(DEMO) && $(abspath $(VENV))/bin/aerojax
 
-.PHONY: run demo test test-all test-fast check bench docs docs-site pictures wheel venv clients site-tools format clean
+.PHONY: run demo test test-all test-fast check bench docs docs-site pictures wheel venv clients contrib site-tools format clean
 
 venv: $(STAMP)
 
@@ -26,6 +26,13 @@ $(CLIENTS): $(STAMP) requirements.clients.lock
 	@echo "installing the tools that read the exports"
 	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps -r requirements.clients.lock
 	@touch $(CLIENTS)
+
+# OpenCV with its contributed modules, for the tracker of B2-lite: in a folder of its own, because in the environment it
+# would overwrite the headless one. Its tests are skipped without it.
+contrib: venv
+	@$(PY) -m pip install --quiet --disable-pip-version-check --no-deps --upgrade --target build/contrib \
+		opencv-contrib-python-headless==$$($(PY) -m pip list --format=freeze | sed -n 's/^opencv-python-headless==//p')
+	PYTHONPATH=build/contrib $(PY) -m pytest -q tests/classify/images/test_tracked.py
 
 site-tools: $(SITE_TOOLS)
 
