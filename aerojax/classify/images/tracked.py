@@ -33,7 +33,7 @@ def csrt_trackers() -> Callable[[], BoxTracker]:
     make = getattr(cv2, "TrackerCSRT_create", None) or getattr(getattr(cv2, "TrackerCSRT", None), "create", None)
     if make is None:
         problem = f"OpenCV {cv2.__version__} of this environment has no TrackerCSRT, which B2-lite follows boxes with"
-        remedy = "pip install --no-deps --target contrib opencv-contrib-python-headless, and run with PYTHONPATH=contrib"
+        remedy = "pip install --no-deps --target contrib opencv-contrib-python-headless; run with PYTHONPATH=contrib"
         raise UserError("unavailable", problem, remedy)
     return make
 
