@@ -198,6 +198,11 @@ def corrected() -> str:
         some = found.get(kind, {})
         for key in (key for key in names if key in some):
             rows.append([name, names[key], f"{some[key]['median']:.3g}", f"{some[key]['worst']:.3g}"])
+    for kind, file in (("poses", "measure_tracking"), ("masks_poses", "measure_tracking_masks")):
+        if kind in found:
+            errors = [(row["rotation_error_deg"], row["position_error_m"]) for row in load(file)["rows"][kind]]
+            within = [angle <= 0.05 and distance <= 0.03 for angle, distance in errors]
+            rows.append([scenes[kind], "scenes within 0.05° and 0.03 m", f"{sum(within)} of {len(within)}", ""])
     return markdown(["scenes", "figure", "median", "worst"], rows) if rows else "Not measured yet."
 
 
