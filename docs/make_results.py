@@ -52,7 +52,7 @@ from aerojax.view.comparison import comparison_svg
 from aerojax.view.temporal import temporal_plots
 
 TEMPLATES = DOCS / "templates"
-PAGES = "results.md", "limits.md"
+PAGES = "results.md", "limits.md", "scale.md"
 README = ROOT / "README.md"
 BEGIN, END = "<!-- results: made by `make docs` from docs/templates/readme.md -->", "<!-- end of results -->"
 WIDTH = 120

@@ -43,7 +43,7 @@ def works() -> list[Work]:
 
 def _hours(core_s: float) -> str:
     hours = core_s / 3600
-    return f"{hours:,.0f} h" if hours >= 10 else f"{hours:.1f} h"
+    return f"{60 * hours:.0f} min" if hours < 1 else f"{hours:,.0f} h" if hours >= 10 else f"{hours:.1f} h"
 
 
 def scale_costs() -> str:

@@ -89,7 +89,7 @@ FIGURE = re.compile(r"\d[\d.,]*\s?(%|dB\b|times\b|images/s|MB\b|points?\b)|·10[
 """What is measured, and so must be looked up."""
 
 
-@pytest.mark.parametrize("name", ["results.md", "limits.md", "readme.md"])
+@pytest.mark.parametrize("name", ["results.md", "limits.md", "scale.md", "readme.md"])
 def test_templates_hold_no_figures_of_their_own(results, name):
     text = results.PLACE.sub("", (results.TEMPLATES / name).read_text()).replace("95 % interval", "")
     assert not FIGURE.search(text), FIGURE.search(text)
