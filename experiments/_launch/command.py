@@ -149,9 +149,10 @@ OmegaConf.register_new_resolver("claim_folder", claim_folder, use_cache=True, re
 
 
 def keep_compiled_code() -> None:
-    """Let JAX reuse compiled programs from one process to the next (`JAX_COMPILATION_CACHE_DIR` says where)."""
+    """Let JAX, in this process and its workers, reuse programs of before (`JAX_COMPILATION_CACHE_DIR` says where)."""
     default = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "aerojax" / "xla"
-    jax.config.update("jax_compilation_cache_dir", os.environ.get("JAX_COMPILATION_CACHE_DIR", str(default)))
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(default))
+    jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 
 
 def is_finished(directory: Path, result: str, values: Any, ignoring: tuple[str, ...] = ()) -> bool:
