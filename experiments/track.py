@@ -78,7 +78,9 @@ def main(config: Config, run: Run) -> None:
         used = cameras
         if config.find_corrections or config.apply_corrections:
             outlines = mask_outlines(capture, progress=show) if capture is not None and config.adjust.poses else None
-            asked = detections, cameras, config.following, config.adjust
+            # What a capture's image shows is of one instant.
+            adjust = config.adjust if capture is None else replace(config.adjust, line_delay=False)
+            asked = detections, cameras, config.following, adjust
             found = adjust_recording(*asked, outlines=outlines, progress=show)
             used = found.apply(cameras) if config.apply_corrections else cameras
         done = follow(detections, used, config.following, state=state, progress=show)

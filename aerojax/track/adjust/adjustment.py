@@ -68,7 +68,7 @@ def evidence(problem: Problem, guess: Guess) -> Evidence:
     curvature = csr_array(normal[begin:, begin:]).toarray() - shared.T @ of_paths.solve(shared)
     own = own - shared.T @ of_paths.solve(slope[:begin])
     count = len(problem.sights.camera)
-    return Evidence(curvature, own, float(np.log(max(count, 2))), _spread(now, count))
+    return Evidence(curvature, own, float(np.log(max(count, 2))), problem.spread * _spread(now, count))
 
 
 def _spread(now: Linearised, sights: int) -> float:

@@ -80,6 +80,7 @@ class Problem:
     """Sights of paths, the cameras as they are given, and each path's knots.
 
     jerks: of each path, m/s³. looked: which of the cameras' unknowns are looked for; others are as they are given.
+    spread: by how much more what sights say varies than if each erred on its own.
     """
 
     sights: Sights
@@ -88,6 +89,7 @@ class Problem:
     jerks: tuple[float, ...]
     looked: Bool[np.ndarray, "camera 9"]
     config: AdjustConfig
+    spread: float = 1.0
 
     @property
     def first_controls(self) -> list[int]:

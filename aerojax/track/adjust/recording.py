@@ -18,7 +18,7 @@ from aerojax.track.adjust.outlines import Outlines
 from aerojax.track.adjust.problem import AdjustConfig, Guess, Problem, Sights, lookable, sight_distances
 from aerojax.track.adjust.splines import fit, knots_over
 from aerojax.track.adjust.stiffness import likely_jerks
-from aerojax.track.adjust.tangency import TangentModel, Tangents, tangents
+from aerojax.track.adjust.tangency import SIDE_S, TangentModel, Tangents, tangents
 from aerojax.track.following import FollowingConfig
 from aerojax.track.offline import Following, follow
 from aerojax.track.sights import Detections, NoiseConfig, TimedCamera, network_times, undistorted
@@ -240,8 +240,16 @@ def _posed(
     paths = [known[number] for number in chosen.tolist()]
     knots = tuple(knots_over(times, config.knot_s, MARGIN_S) for times, _ in paths)
     controls = tuple(fit(k, *one, smooth=_SMOOTH) for k, one in zip(knots, paths, strict=True))
-    jerks = (config.jerk,) * len(knots)
-    return Problem(sights, given, knots, jerks, lookable(config, len(given)), config), Guess(cameras, controls)
+    jerks, outlined = (config.jerk,) * len(knots), np.mean((noise.outline * part.diagonal / sigma) ** 2)
+    spread = 1 + float(outlined) * (len(own) / _views(sights) - 1)
+    may = lookable(config, len(given))
+    return Problem(sights, given, knots, jerks, may, config, spread), Guess(cameras, controls)
+
+
+def _views(sights: Sights) -> int:
+    """How many cameras' views of objects there are that differ: boxes of one err alike."""
+    when = np.floor(sights.stamp_s / SIDE_S).astype(np.int64)
+    return len(np.unique(np.stack([sights.camera, sights.path, when], axis=1), axis=0))
 
 
 def _middle_rows(detections: Detections, cameras: Sequence[TimedCamera], most_s: float) -> Int64[np.ndarray, "kept"]:

@@ -28,7 +28,7 @@ SAME_S = 5e-4
 BIAS = 0.25
 """What is wrong with outlines of one object in two cameras for long (thin parts that one of them misses), in standard
 deviations; pairs of one block share it, so that their mean is no better known than this."""
-_BLOCK_S = 2.0
+SIDE_S = 2.0
 """For so long an object shows about the same side."""
 _STEPS, _ENOUGH = 30, 1e-6
 _NONE = np.zeros(UNKNOWNS)
@@ -80,7 +80,7 @@ def tangents(
     most = max((len(outlines[row]) for row in known), default=1)
     corners = [np.concatenate([outlines[r], np.repeat(outlines[r][-1:], most - len(outlines[r]), 0)]) for r in known]
     keys = np.stack([camera[rows[of_first]], camera[rows[of_second]], owner[rows[of_first]]], axis=1)
-    when = np.floor(time_s[rows[of_first]] / _BLOCK_S).astype(np.int64)
+    when = np.floor(time_s[rows[of_first]] / SIDE_S).astype(np.int64)
     blocks = len(np.unique(np.concatenate([keys, when[:, None]], axis=1), axis=0))
     stacked = np.stack(corners) if corners else np.zeros((0, 1, 2))
     return Tangents(keys[:, 0], keys[:, 1], of_first, of_second, blocks, stacked)

@@ -86,6 +86,19 @@ def test_a_camera_that_was_turned_is_found():
     assert made.corrections[0].offset_s == 0 and made.corrections[2].angle_deg == pytest.approx(0.49, abs=0.05)
 
 
+@pytest.mark.parametrize(("diagonal", "alone"), [(60.0, True), (0.0, False)], ids=["boxes", "points"])
+def test_what_middles_of_boxes_may_be_beside_an_object_is_no_wrong_clock(diagonal, alone):
+    """One clock is late by a tenth of a second: part of a box's size, but much for a point."""
+    rng = np.random.default_rng(0)
+    cameras = ring(3)
+    seen = watch([path(rng)], cameras, seconds=3.0, rng=rng, noise_px=0.3, clutter=0.0).detections
+    late = replace(seen, stamp_s=seen.stamp_s + 0.1 * (seen.camera == 1), diagonal=np.full(len(seen.camera), diagonal))
+    found = adjust_recording(late, cameras, FOLLOWING, AdjustConfig(poses=False, line_delay=False, search_s=0.0))
+    assert (found.middles[1].late_s == 0) == alone
+    assert alone or found.middles[1].late_s == pytest.approx(-0.1, abs=0.02)
+    assert found.middles[1].sigma_s > 0 and found.middles[0].sigma_s == 0
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(3))
 def test_clocks_that_are_wrong(seed):
