@@ -13,6 +13,7 @@ import re
 import textwrap
 from collections.abc import Callable
 
+from mask_tables import consensus, consensus_plots, found_masks
 from result_cells import DOCS, ROOT, formatted, load
 from result_tables import (
     accuracy,
@@ -95,7 +96,7 @@ def plots() -> dict[str, str]:
     for model in found["models"]:
         every = temporal_plots(model["name"], model, found["classes"])
         drawn |= {f"plots/{name}_{model['name']}.svg": every[name] for name in ("frames", "shuffled")}
-    return drawn
+    return drawn | consensus_plots()
 
 
 TABLES: dict[str, Callable[[], str]] = {
@@ -125,6 +126,8 @@ TABLES: dict[str, Callable[[], str]] = {
         several,
         corrected,
         track_labels,
+        found_masks,
+        consensus,
         unknown,
         unknown_by_set,
         scale_costs,
