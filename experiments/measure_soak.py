@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import jax
-import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 from aerojax import __version__
 from aerojax.capture.format import Capture, read_capture
@@ -22,7 +20,7 @@ from aerojax.core.config import to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
 from aerojax.pipeline.config import PipelineConfig, clip_settings
-from aerojax.pipeline.soak import Soaked, soak
+from aerojax.pipeline.soak import soak
 from aerojax.pipeline.step import Pipeline, make_pipeline
 from aerojax.serve.sinks.json_lines import JsonLines
 from aerojax.serve.sinks.web import Web, WebConfig
@@ -31,6 +29,7 @@ from aerojax.serve.sources.playback import PlaybackConfig
 from aerojax.simulate.sample import SampleConfig, sample_capture
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar, shown_in
+from experiments._soak.growth import figures_of, growth_of, show
 
 Progress = Callable[[int, int, str], None]
 
@@ -67,38 +66,6 @@ def _classifier(config: Config) -> Trainable:
     if not loaded.causal:
         raise UserError("mismatch", f"{loaded.card.name} waits for the end of a clip", "name weights that do not")
     return with_card(loaded, settings=tuple(sorted(clip_settings(config.pipeline).items())))
-
-
-def _slope(values: list[float], frames: list[int]) -> float:
-    """Of the second half, a 10,000 frames: the first one warms up."""
-    half = len(values) // 2
-    line = np.polyfit(frames[half:], values[half:], 1) if len(values) - half > 1 else np.zeros(2)
-    return float(10_000 * line[0])
-
-
-def growth_of(windows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """How time, memory, handles and threads grow, a 10,000 frames."""
-    frames, names = [window["frames"] for window in windows], ("step_ms", "resident_mb", "handles", "threads")
-    return {name: _slope([float(window[name]) for window in windows], frames) for name in names}
-
-
-def figures_of(soaked: Soaked) -> dict[str, Any]:
-    """JSON-ready, with how memory, handles and time grow."""
-    windows = [asdict(window) for window in soaked.windows]
-    return {**asdict(soaked), "windows": windows, "growth_in_10000_frames": growth_of(windows)}
-
-
-def show(figures: dict[str, Any], console: Console) -> None:
-    """A row for every tenth of the stream."""
-    table = Table("frames", "ms a step", "slowest, ms", "MB", "handles", "threads")
-    windows = figures["windows"]
-    for window in windows[:: max(len(windows) // 10, 1)]:
-        times = (f"{window[name]:.2f}" for name in ("step_ms", "slowest_ms"))
-        rest = (f"{window['resident_mb']:.0f}", window["handles"], window["threads"])
-        table.add_row(str(window["frames"]), *times, *map(str, rest))
-    console.print(table)
-    if "drift" in figures:
-        console.print(f"largest change of a probability over {figures['compared']} passes: {figures['drift']:.1e}")
 
 
 def _pipeline_figures(config: Config, pipeline: Pipeline, capture: Capture, progress: Progress) -> dict[str, Any]:

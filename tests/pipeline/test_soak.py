@@ -6,7 +6,7 @@ import pytest
 
 from aerojax.core.types import FrameSet
 from aerojax.pipeline.soak import Soaked, SoakWindow, looped
-from experiments.measure_soak import figures_of
+from experiments._soak.growth import figures_of
 
 
 def test_a_loop_goes_on():

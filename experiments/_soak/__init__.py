@@ -1,0 +1,1 @@
+"""What `measure_soak` tells of a stream without end."""
