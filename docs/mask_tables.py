@@ -14,6 +14,7 @@ from aerojax.view.dataset.plots import Curve, Labels, curve_plot, standalone
 FOUND = {
     "measure_segmentation": "a third of a second, clutter",
     "measure_segmentation_second": "a second, no clutter",
+    "measure_segmentation_second_sim3": "a second, no clutter",
 }
 """Results of measure_segmentation with labels, and what their captures are."""
 CONSENSUS = "measure_segmentation_consensus"
