@@ -6,6 +6,8 @@ from typing import Any
 
 from result_cells import ROOT, formatted, load, markdown
 
+from aerojax.core.provenance import command_of_result
+
 
 def reconstructors() -> str:
     """Reconstructors by the views that they were not given: each figure of the hull, then of the refined hull."""
@@ -234,7 +236,7 @@ def origins() -> str:
     for path in sorted((ROOT / "results").glob("*.json")):
         found = load(path.stem)
         commits = [str(c) for c in found.get("commits", [found.get("commit")])]
-        commands = found.get("commands", [found.get("command")])
+        commands = found.get("commands", [command_of_result(found)])
         known = ", ".join(c.partition("+")[0][:7] for c in dict.fromkeys(commits) if c != "None")
         note = str(found.get("note", "")).replace("|", "/")
         said = "; ".join(f"`{command}`" for command in commands)

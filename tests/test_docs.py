@@ -19,6 +19,7 @@ from support.pages import DOCS, ROOT, fenced
 
 import aerojax
 from aerojax.core.config import to_dataclass
+from aerojax.core.provenance import command_of_result
 from experiments._launch.arguments import with_keys, with_quotes
 
 
@@ -153,9 +154,8 @@ def test_links_lead_somewhere(path):
 def commands() -> list[list[str]]:
     """Every command of the pages and of results that starts an act, without what its line says of it."""
     lines = [line for path in PAGES for block in fenced(path, "sh", "") for line in block.splitlines()]
-    lines += [
-        json.loads(path.read_text(encoding="utf-8"))["command"] for path in sorted((ROOT / "results").glob("*.json"))
-    ]
+    results = [json.loads(path.read_text(encoding="utf-8")) for path in sorted((ROOT / "results").glob("*.json"))]
+    lines += filter(None, map(command_of_result, results))
     found = [re.fullmatch(r"(?:\.venv/bin/)?(?:python -m experiments\.|aerojax )(\w+.*)", line) for line in lines]
     return [shlex.split(one[1], comments=True) for one in found if one and not one[1].startswith("benchmark ")]
 

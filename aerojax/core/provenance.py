@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import platform
+import shlex
 import subprocess
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +24,23 @@ def provenance(overrides: tuple[str, ...] = ()) -> dict[str, Any]:
         "commit": commit(),
         "machine": {"system": platform.platform(), "cpus": os.cpu_count()},
     }
+
+
+def command_line(act: str, overrides: Sequence[str]) -> str:
+    """What a shell takes to do it again: the act's name and its overrides, in quotes where they need some."""
+    return shlex.join(["python", "-m", f"experiments.{act}", *overrides])
+
+
+def command_of_result(values: Mapping[str, Any]) -> str | None:
+    """The command that a result names; of older ones, which have blanks without quotes, made of its overrides.
+
+    Args:
+        values: content of the result.
+    """
+    command, overrides = values.get("command"), values.get("overrides", [])
+    if command is None or not any(" " in word for word in overrides) or "'" in command:
+        return command
+    return command_line(command.split()[2].removeprefix("experiments."), overrides)
 
 
 def package_versions() -> dict[str, str]:

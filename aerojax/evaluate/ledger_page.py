@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from aerojax.core.provenance import command_of_result
 from aerojax.evaluate.ledger import VERDICTS, Entry, Figure
 from aerojax.evaluate.ledger_runs import command_of
 from aerojax.evaluate.markdown import table_lines
@@ -77,7 +78,7 @@ def _origins(entries: Sequence[Entry], results: Path) -> list[list[str]]:
 
 
 def _command(values: dict[str, Any]) -> str:
-    return str(values.get("command") or "; ".join(values["commands"]))
+    return command_of_result(values) or "; ".join(values["commands"])
 
 
 def _seeds(values: dict[str, Any]) -> str:

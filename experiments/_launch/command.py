@@ -34,7 +34,7 @@ from aerojax.core.claims import claimed, differing
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 from aerojax.core.files import write_json
-from aerojax.core.provenance import provenance
+from aerojax.core.provenance import command_line, provenance
 from experiments._launch.arguments import with_keys, with_quotes
 from experiments._launch.composition import CONF_DIR, store_defaults
 from experiments._launch.front import answer
@@ -62,7 +62,7 @@ class Run:
     @property
     def command(self) -> str:
         """The command line that started it."""
-        return " ".join([f"python -m experiments.{self.name}", *self.overrides])
+        return command_line(self.name, self.overrides)
 
     @property
     def origin(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from omegaconf import DictConfig
 from rich.console import Console
 
 from aerojax.core.files import write_text
+from aerojax.core.provenance import command_line
 from aerojax.evaluate.comparison import write_table
 from aerojax.view.comparison import comparison_svg
 
@@ -37,4 +38,4 @@ class SweepTable(Callback):
 
 def _command(config: DictConfig) -> str:
     """The command line of a sweep, or of one of its runs."""
-    return " ".join([f"python -m experiments.{config.hydra.job.name}", *config.hydra.overrides.task])
+    return command_line(config.hydra.job.name, config.hydra.overrides.task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 
-from aerojax.core.provenance import commit, provenance
+from aerojax.core.provenance import command_line, command_of_result, commit, provenance
 
 
 def git(folder, *arguments):
@@ -41,3 +41,14 @@ def test_provenance_names_overrides_and_versions():
     found = provenance(("a=1",))
     assert found["overrides"] == ["a=1"] and {"jax", "numpy", "python"} <= set(found["versions"])
     assert set(found) == {"overrides", "versions", "commit", "machine"}
+
+
+def test_commands_have_the_quotes_that_a_shell_wants():
+    words = ["preset=full", "rigs=[{cameras: 3, span: [20, 20]}]"]
+    line = "python -m experiments.act preset=full 'rigs=[{cameras: 3, span: [20, 20]}]'"
+    assert command_line("act", words) == line
+    assert command_of_result({"command": line, "overrides": words}) == line
+    before = {"command": line.replace("'", ""), "overrides": words}
+    assert command_of_result(before) == line
+    plain = {"command": "python -m experiments.act a=[1,2]", "overrides": ["a=[1,2]"]}
+    assert command_of_result(plain) == plain["command"] and command_of_result({}) is None
