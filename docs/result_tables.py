@@ -145,6 +145,17 @@ def networks() -> str:
     return markdown([*head, "less `E_X`"], rows)
 
 
+def image_networks() -> str:
+    """The default member beside networks that label crops: whole clips by folder, one figure for all rotations."""
+    rows = []
+    for row in load("compare_classifiers_images")["rows"]:
+        whole = row["tests"]["all"]
+        clips = f"{spread(whole['accuracy'])} {interval_cell(*whole['interval_95'], how='.0f')}"
+        folders = [spread(row["tests"][name]["accuracy"]) for name in ("sim1", "sim2", "random", "sim3")]
+        rows.append([f"`{row['classifier']}`", row["label"], f"{row['parameters']:,}", clips, *folders])
+    return markdown(["row", "network", "parameters", "all, %", "sim1", "sim2", "random", "sim3"], rows)
+
+
 def ensembles() -> str:
     """The ablation's networks averaged over their seeds, and calibration with and without a temperature."""
     rows = []
