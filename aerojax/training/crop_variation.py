@@ -77,14 +77,14 @@ def vary_images(crops: Crops, config: CropVariationConfig, *, key: Key[Array, ""
     hidden, coarse = jax.random.fold_in(key, 4), jax.random.fold_in(key, 5)
     valid = crops.valid
     rgba = jnp.where(valid[..., None, None, None], crops.rgba, jnp.zeros((), crops.rgba.dtype))
-    maps = jnp.broadcast_to(roll_maps(rgba.shape[1], config, key=turn).astype(rgba.dtype), (*valid.shape, 2, 2))
-    middle = jnp.zeros((*valid.shape, 2), rgba.dtype)
+    maps = roll_maps(rgba.shape[1], config, key=turn).astype(rgba.dtype)
+    middle, over_time = jnp.zeros((rgba.shape[1], 2), rgba.dtype), None  # all frames are read at the same points
     if config.hide:
         whole, shown = rgba[..., 3], hide(rgba[..., 3], config.hide, key=hidden)
         rgba = jnp.where(shown[..., None], rgba, jnp.zeros((), rgba.dtype))
         side, middle, left = seen_window(whole, rgba[..., 3])
-        maps, valid = maps * side[..., None, None], valid & left
-    rgba = jax.vmap(jax.vmap(resample))(rgba, maps, middle)
+        maps, valid, over_time = maps[None] * side[..., None, None], valid & left, 0
+    rgba = jax.vmap(jax.vmap(resample), in_axes=(0, over_time, over_time))(rgba, maps, middle)
     if config.coarse:
         rgba = coarsen(rgba, config.coarse, config.fewest, key=coarse)
     rgba = move_edges(rgba, config, key=edge)
