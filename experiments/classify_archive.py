@@ -17,7 +17,7 @@ from aerojax.core.files import write_json
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline.archive import AskedOfCapture, Cluster, answers_in, classify_archive
-from experiments._launch.batches import end_batch, find_captures
+from experiments._launch.batches import end_batch, find_captures, show_accuracy
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar, shown_in
 
@@ -80,9 +80,7 @@ def main(config: Config, run: Run) -> None:
     write_json(run.directory / "metrics.json", {**content, "classes": CLASSES, **run.origin})
     console = Console()
     console.print(", ".join(f"{count} {status}" for status, count in counts.most_common()))
-    if figures:
-        right = round(figures["accuracy"] * figures["clips"])
-        console.print(f"right: {right} of {figures['clips']} with a known class, by the likeliest one")
+    show_accuracy(console, figures)
     console.print(str(run.directory / "answers.jsonl"), soft_wrap=True, markup=False)
     end_batch(counts["error"], counts.total() - counts["error"], "were not classified")
 

@@ -18,7 +18,7 @@ from aerojax.core.files import write_json
 from aerojax.core.types import CLASSES
 from aerojax.evaluate.labels import label_figures
 from aerojax.pipeline.archive import AskedOfCapture, classify_one
-from experiments._launch.batches import end_batch, find_captures
+from experiments._launch.batches import end_batch, find_captures, show_accuracy
 from experiments._launch.command import Run, experiment
 from experiments._launch.progress import progress_bar
 
@@ -49,9 +49,7 @@ def show(console: Console, rows: list[dict[str, Any]], figures: dict[str, Any]) 
             console.print(f"{row['capture']}: {row['status']}: {reason['text']}", soft_wrap=True, markup=False)
         if "error" in row:
             console.print(f"{row['capture']}: not classified: {row['error']['text']}", soft_wrap=True, markup=False)
-    if figures:
-        right = round(figures["accuracy"] * figures["clips"])
-        console.print(f"right: {right} of {figures['clips']} with a known class, by the likeliest one")
+    show_accuracy(console, figures)
 
 
 @experiment(Config)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+from rich.console import Console
 
 from aerojax.core.errors import UserError
 
@@ -32,6 +35,13 @@ def result_folders(captures: Sequence[Path]) -> list[str]:
         options = (name, *(f"{name}-{number}" for number in range(2, len(captures) + 2)))
         names.append(next(option for option in options if option not in names))
     return names
+
+
+def show_accuracy(console: Console, figures: Mapping[str, Any]) -> None:
+    """How many captures of a known class are right, from `label_figures`; nothing where there are none."""
+    if figures:
+        right = round(figures["accuracy"] * figures["clips"])
+        console.print(f"right: {right} of {figures['clips']} with a known class, by the likeliest one")
 
 
 def exit_code(failed: int, done: int) -> int:
