@@ -67,11 +67,15 @@ class VNLinear(nnx.Module):
 
     def __call__(self, x: Float[Array, "*batch inputs"]) -> Float[Array, "*batch outputs"]:
         """Mix channels; the same for every slot."""
-        y = mix_channels(x, self.weight[...])
+        y, offset = mix_channels(x, self.weight[...]), self.offset()
+        return y if offset is None else y + over_last_axis(offset, y)
+
+    def offset(self) -> Float[Array, "outputs"] | None:
+        """What is added to every slot, ε·b/‖b‖; None without a bias."""
         if self.bias is None:
-            return y
+            return None
         bias = self.bias[...]
-        return y + over_last_axis(self.bias_epsilon * bias / jnp.maximum(jnp.linalg.norm(bias), 1e-12), y)
+        return self.bias_epsilon * bias / jnp.maximum(jnp.linalg.norm(bias), 1e-12)
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(2,))
@@ -126,6 +130,65 @@ class VNRectifier(nnx.Module):
         """Rectify."""
         return clip_to_half_space(mix_channels(x, self.W[...]), mix_channels(x, self.U[...]), self.slope)
 
+    def behind(self, linear: VNLinear, x: Float[Array, "*batch slot narrow"]) -> Float[Array, "*batch slot outputs"]:
+        """Rectify `linear(x)`. Two linear maps in a row are one, whose weights are their product: so no token is ever
+        as wide as the map between them."""
+
+        def map_of(weight: Array) -> Array:
+            y, offset = mix_channels(x, weight @ linear.weight[...]), linear.offset()
+            return y if offset is None else y + over_last_axis(weight @ offset, y)
+
+        return clip_to_half_space(map_of(self.W[...]), map_of(self.U[...]), self.slope)
+
+
+SMALLEST_LENGTH = 1e-6
+SMALLEST_VARIANCE = 1e-5
+
+
+@jax.custom_vjp
+def normalise_lengths(
+    x: Float[Array, "*batch slot channel"], gain: Float[Array, "channel"]
+) -> Float[Array, "*batch slot channel"]:
+    """x/max(‖x‖, 1e-6) · LayerNorm(‖x‖) over channels, ε 1e-5; zero vectors stay zero.
+
+    The hand-written gradient is one sum over the slots of each channel, a layer norm's gradient on the lengths alone,
+    and one product.
+    """
+    length, _, normalised = _lengths(x)
+    return x * (normalised * over_last_axis(gain, x) / jnp.maximum(length, SMALLEST_LENGTH))
+
+
+def _lengths(x: Array) -> tuple[Array, Array, Array]:
+    """Lengths of a token's vectors, the inverse of their standard deviation, and the normalised lengths."""
+    square = _over_slots(x, x)
+    length = jnp.sqrt(square)
+    centred = length - length.mean(axis=-1, keepdims=True)
+    inverse = jax.lax.rsqrt(jnp.mean(centred * centred, axis=-1, keepdims=True) + SMALLEST_VARIANCE)
+    return length, inverse, centred * inverse
+
+
+def _lengths_forward(x: Array, gain: Array) -> tuple[Array, tuple[Array, Array]]:
+    return normalise_lengths(x, gain), (x, gain)
+
+
+def _lengths_backward(saved: tuple[Array, Array], g: Array) -> tuple[Array, Array]:
+    x, gain = saved
+    length, inverse, normalised = _lengths(x)
+    bounded, wide = jnp.maximum(length, SMALLEST_LENGTH), over_last_axis(gain, x)
+    # y = x·m/ℓ with m = gain·normalised: what reaches m of a channel, and from there its length.
+    to_m = _over_slots(g, x) / bounded
+    scaled = to_m * wide
+    along = jnp.mean(scaled * normalised, axis=-1, keepdims=True)
+    to_length = inverse * (scaled - scaled.mean(axis=-1, keepdims=True) - normalised * along)
+    factor = normalised * wide / bounded
+    to_length = to_length - jnp.where(length > SMALLEST_LENGTH, to_m * factor, 0.0)
+    to_x = g * factor + x * jnp.where(length > 0, to_length / jnp.where(length > 0, length, 1.0), 0.0)
+    channels = x.shape[-1]
+    return to_x, jnp.einsum("nc,nc->c", to_m.reshape(-1, channels), normalised.reshape(-1, channels))
+
+
+normalise_lengths.defvjp(_lengths_forward, _lengths_backward)
+
 
 class VNLayerNorm(nnx.Module):
     """Published norm: each vector keeps its direction and gets the layer-normalised length of its channel.
@@ -137,12 +200,8 @@ class VNLayerNorm(nnx.Module):
         self.gain = nnx.Param(jnp.ones(channels))
 
     def __call__(self, x: Float[Array, "*batch slot channel"]) -> Float[Array, "*batch slot channel"]:
-        """x/max(‖x‖, 1e-6) · LayerNorm(‖x‖) over channels, ε 1e-5."""
-        square = jnp.sum(x * x, axis=-2, keepdims=True)
-        length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-        centred = length - length.mean(axis=-1, keepdims=True)
-        deviation = jnp.sqrt(jnp.mean(centred * centred, axis=-1, keepdims=True) + 1e-5)
-        return x / jnp.maximum(length, 1e-6) * (centred / deviation * over_last_axis(self.gain[...], x))
+        """Normalise."""
+        return normalise_lengths(x, self.gain[...])
 
 
 SMALLEST_MEAN_SQUARE = 1e-6

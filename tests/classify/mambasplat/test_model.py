@@ -14,7 +14,14 @@ from aerojax.classify.mambasplat.config import MambaSplatConfig, published_confi
 from aerojax.classify.mambasplat.cost import published_operations
 from aerojax.classify.mambasplat.mamba import MambaStack, sinusoids
 from aerojax.classify.mambasplat.model import MambaSplat
-from aerojax.classify.mambasplat.vector_neurons import clip_to_half_space, divide_by_rms, mix_channels
+from aerojax.classify.mambasplat.vector_neurons import (
+    VNLinear,
+    VNRectifier,
+    clip_to_half_space,
+    divide_by_rms,
+    mix_channels,
+    normalise_lengths,
+)
 from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 
@@ -50,6 +57,35 @@ def test_norm_has_the_gradient_of_its_formula(x64):
     np.testing.assert_allclose(ours, expected, atol=1e-13)
     for a, b in zip(pull(g), expected_pull(g), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)
+
+
+def _plain_normalised_lengths(x, gain):
+    square = jnp.sum(x * x, axis=-2, keepdims=True)
+    length = jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+    normalised = (length - length.mean(axis=-1, keepdims=True)) / jnp.sqrt(length.var(axis=-1, keepdims=True) + 1e-5)
+    return x / jnp.maximum(length, 1e-6) * normalised * gain[None, None]
+
+
+def test_published_norm_has_the_gradient_of_its_formula_also_at_zero_and_at_tiny_vectors(x64):
+    x, g = jax.random.normal(jax.random.key(0), (2, 5, 4, 6), jnp.float64)
+    x, gain = x.at[0].set(0.0).at[1, :, 2].set(0.0).at[2, :, 3].multiply(1e-8), jnp.linspace(0.5, 2.0, 6)
+    ours, pull = jax.vjp(normalise_lengths, x, gain)
+    expected, expected_pull = jax.vjp(_plain_normalised_lengths, x, gain)
+    np.testing.assert_allclose(ours, expected, atol=1e-13)
+    for a, b in zip(pull(g), expected_pull(g), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12)
+
+
+def test_rectifier_behind_a_linear_map_is_that_of_its_output(x64):
+    keys = jax.random.split(jax.random.key(0), 3)
+    linear, rectify = VNLinear(3, 8, key=keys[0], bias_epsilon=0.3), VNRectifier(8, 8, key=keys[1])
+    linear, rectify = jax.tree.map(lambda leaf: leaf.astype(jnp.float64), (linear, rectify))
+    x = jax.random.normal(keys[2], (5, 4, 3), jnp.float64)
+    ours, pull = jax.vjp(lambda linear, x: rectify.behind(linear, x), linear, x)
+    expected, expected_pull = jax.vjp(lambda linear, x: rectify(linear(x)), linear, x)
+    np.testing.assert_allclose(ours, expected, atol=1e-13)
+    for a, b in zip(jax.tree.leaves(pull(ours)), jax.tree.leaves(expected_pull(ours)), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-12)
 
 
 @pytest.mark.parametrize(("inputs", "outputs"), [(3, 7), (7, 3)])
