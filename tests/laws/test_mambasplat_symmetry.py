@@ -191,6 +191,13 @@ def test_every_bridge_is_invariant(bridge):
     assert jnp.abs(logits[9] - logits[8]).max() > 1e-3
 
 
+def test_coordinates_are_no_bridge_and_say_so():
+    model, clip = _model(bridge="coordinates", invariants_before_pooling=False, depth=1, mamba_layers=1), random_clip(7)
+    logits = logits_of(model, jnp.stack([clip, rotate_columns(clip, haar_rotation(key=jax.random.key(8)))]), ALL)
+    assert jnp.abs(logits[1] - logits[0]).max() > 1e-2
+    assert not model.config.rotation_invariant
+
+
 def _mirrored_thrice(clip):
     """Add the seven mirror images of round Gaussians in the coordinate planes: symmetry D2h."""
     signs = jnp.array([[a, b, c] for a in (1, -1) for b in (1, -1) for c in (1, -1)], clip.dtype)

@@ -132,13 +132,15 @@ class InvariantBridge(nnx.Module):
         tokens: Float[Array, "token slot channel"],
         mask: Bool[Array, "token"],
     ) -> Float[Array, "invariant"]:
-        """The chosen invariants of the vectors, flattened with the channel major."""
+        """The chosen invariants of the vectors, flattened with the channel major; or their coordinates, the control."""
         vectors = pooled[:3]
         if self.frame is not None and self.kind == "vn_in":
             return (vectors.T @ self.frame(vectors)).reshape(-1)
         if self.frame is not None:
             each = jnp.einsum("nsc,nsk->nck", tokens[:, :3], self.frame(tokens[:, :3]))
             return masked_mean(each, mask).reshape(-1)
+        if self.kind == "coordinates":
+            return vectors.T.reshape(-1)
         functions = {"l2_norm": length_invariants, "gram": gram_invariants, "pairwise": distance_invariants}
         return functions.get(self.kind, principal_invariants)(vectors).reshape(-1)
 

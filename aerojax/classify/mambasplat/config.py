@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 Mode = Literal["C", "C_O", "C_SH", "C_S_R", "C_O_S_R", "X"]
 """Attributes that the model reads: centres C, opacity O, colour SH, scales and rotations S_R; X is all of them."""
 
-Bridge = Literal["vn_in", "l2_norm", "gram", "pairwise", "pca_frame", "vn_std"]
+Bridge = Literal["vn_in", "l2_norm", "gram", "pairwise", "pca_frame", "vn_std", "coordinates"]
+"""Invariants of vectors; `coordinates` are none, they are the control that sees how the world is turned."""
 
 
 def uses_opacity(mode: Mode) -> bool:
@@ -158,7 +159,7 @@ class MambaSplatConfig(ClassifierConfig):
     @property
     def rotation_invariant(self) -> bool:
         """Whether no rotation of the world changes the logits: the published variant has biases with directions."""
-        return self.variant == "exact"
+        return self.variant == "exact" and self.bridge != "coordinates"
 
     def _refuse_unless_published(self) -> None:
         for name, needed in PUBLISHED.items():
