@@ -123,6 +123,12 @@ def clip_files(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob("*.npz") if not path.name.startswith("."))
 
 
+def one_camera_path(path: Path) -> Path:
+    """Where the clip of a sequence lies of which there are crops of one camera alone, and no Gaussians: not among the
+    others, so that nothing that reads a folder of clips meets one without knowing."""
+    return path.parent / "one_camera" / path.name
+
+
 def load_clips(*folders: Path, frames: int, crops: bool = True) -> ClipSet:
     """Read every clip of some folders in the order of names, padded with zeros or cut to `frames`.
 

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from aerojax.classify.base import Classifier, with_card
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES
-from aerojax.data.clips import ClipSet, Fact, clip_files, load_clip, pack_clips
+from aerojax.data.clips import ClipSet, Fact, clip_files, load_clip, one_camera_path, pack_clips
 from aerojax.data.manifest import SequenceEntry
 from aerojax.evaluate.answers import TEST_ENSEMBLES, log_probabilities
 from aerojax.evaluate.bootstrap import accuracy, bootstrap_interval, confusion_by_identity
@@ -89,24 +89,39 @@ def answer_folder(
         classifier: any member.
         folder: `<rig>/<split>`; clips that do not say of which rig they are take its name.
         frames: clips are cut or padded to so many.
-        asked: by name; the answers are to these alone and those without a file count as missing. None for every clip
-            of the folder.
+        asked: by name; the answers are to these alone and those without a file count as missing, unless there are crops
+            of one camera (`one_camera_path`), which a classifier of crops answers from. None for every clip of the
+            folder.
 
     Raises:
         UserError: nothing is asked, a clip is broken, or crops are wanted and there are none.
     """
-    names = [path.stem for path in clip_files(folder)] if asked is None else list(asked)
-    there = [name for name in names if (folder / f"{name}.npz").is_file()]
-    if not names:
+    known: Mapping[str, AskedClip | None]
+    known = dict.fromkeys(path.stem for path in clip_files(folder)) if asked is None else asked
+    if not known:
         raise UserError("missing", f"{folder} holds no clips (*.npz)", "make them with experiments.generate_clips")
-    missing = [] if asked is None else [asked[name] for name in names if name not in set(there)]
-    if not there:
-        return answered_clips(None, np.zeros((0, len(CLASSES))), missing)
-    clips = pack_clips([load_clip(folder / f"{name}.npz") for name in there], frames=frames)
-    clips = replace(clips, facts=tuple({"rig": folder.parent.name, **facts} for facts in clips.facts))
-    return answered_clips(
-        clips, log_probabilities(with_card(classifier, token_ensembles=TEST_ENSEMBLES), clips), missing
-    )
+    placed = [name for name in known if (folder / f"{name}.npz").is_file()]
+    others = [name for name in known if name not in set(placed)]
+    alone = [name for name in others if classifier.reads_crops and one_camera_path(folder / f"{name}.npz").is_file()]
+    parts, rig = [], {"rig": folder.parent.name}
+    if placed:
+        parts.append(_answered(classifier, [folder / f"{name}.npz" for name in placed], [rig] * len(placed), frames))
+    if alone:  # without Gaussians, so not in one set with the others; the sequence alone knows the distance
+        facts = [rig if (one := known[name]) is None else {**rig, **one.facts} for name in alone]
+        paths = [one_camera_path(folder / f"{name}.npz") for name in alone]
+        parts.append(_answered(classifier, paths, facts, frames))
+    missing = [one for name in others if name not in set(alone) and (one := known[name]) is not None]
+    return join_answers([*parts, answered_clips(None, np.zeros((0, len(CLASSES))), missing)])
+
+
+def _answered(
+    classifier: Classifier, paths: Sequence[Path], facts: Sequence[Mapping[str, Fact]], frames: int
+) -> AnsweredClips:
+    """Answers to files; where a clip does not say itself what is given of it, that is taken."""
+    clips = pack_clips([load_clip(path) for path in paths], frames=frames)
+    both = zip(facts, clips.facts, strict=True)
+    clips = replace(clips, facts=tuple({**given, **own} for given, own in both))
+    return answered_clips(clips, log_probabilities(with_card(classifier, token_ensembles=TEST_ENSEMBLES), clips))
 
 
 def answered_clips(
@@ -157,17 +172,20 @@ def answer_figures(answers: AnsweredClips, *, seed: int, draws: int) -> dict[str
 
     Returns:
         JSON-ready: `accuracy`, `interval_95` and `recall` count clips that do not exist as wrong; `accuracy_of_clips`
-        and `ece`, None if no clip exists, leave them out. A class without clips has a recall of None. The confusion
-        matrix has the truth in rows and "no answer" in its last column.
+        and `ece`, None if no clip exists, leave them out. `one_camera` of the clips are answered from one camera, as
+        they have no place, and `one_camera_right` of those are right. A class without clips has a recall of None. The
+        confusion matrix has the truth in rows and "no answer" in its last column.
     """
     by_identity = confusions(answers)
     confusion = by_identity.sum(axis=0)[: len(CLASSES)]
     truths, there = confusion.sum(axis=1), answers.exists
     rows, label = answers.log_probabilities[there], answers.label[there]
-    some = bool(there.any())
+    some, alone = bool(there.any()), np.array([bool(facts.get("one_camera")) for facts in answers.facts], bool)
     return {
         "clips": len(answers.label),
         "missing": int(np.sum(~there)),
+        "one_camera": int(alone.sum()),
+        "one_camera_right": int(np.sum(alone & (answers.predicted == answers.label))),
         "identities": len(by_identity),
         "accuracy": float(np.trace(confusion) / confusion.sum()),
         "interval_95": list(bootstrap_interval(by_identity, accuracy, seed=seed, draws=draws)),

@@ -30,7 +30,7 @@ from aerojax.pipeline.trust import TrustConfig
 Cluster = Literal["local", "ray"]
 """Where workers are: processes of this machine, or actors of a Ray cluster."""
 Answer = dict[str, Any]
-_KEPT = ("status", "reasons", "label", "most_likely", "probabilities", "familiarity", "answer_set")
+_KEPT = ("status", "reasons", "label", "most_likely", "probabilities", "familiarity", "answer_set", "one_camera")
 _DIED = {"error": {"code": "worker-died", "text": "the process that classified it was killed or died, again and again"}}
 
 

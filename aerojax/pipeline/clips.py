@@ -17,7 +17,7 @@ from aerojax.core.config import to_dataclass, to_mapping
 from aerojax.core.errors import UserError
 from aerojax.core.seeds import number_of
 from aerojax.core.workers import run_jobs
-from aerojax.data.clips import RECORD, Fact, clip_files, crop_bytes, save_clip
+from aerojax.data.clips import RECORD, Fact, clip_files, crop_bytes, one_camera_path, save_clip
 from aerojax.data.manifest import read_datasets
 from aerojax.pipeline.config import PipelineConfig, clip_settings
 from aerojax.pipeline.offline import Clip, reconstruct_capture
@@ -37,7 +37,11 @@ class ClipsConfig:
 
 @dataclass(frozen=True)
 class MadeClips:
-    """What a run left: clips by `rig/split`, and sequences of which no frame was usable."""
+    """What a run left.
+
+    counts: clips by `rig/split`, those of one camera alone by `rig/split/one_camera`.
+    unusable: sequences of which no frame was usable.
+    """
 
     counts: dict[str, int]
     unusable: tuple[str, ...]
@@ -63,6 +67,9 @@ def make_clips(
     progress: Callable[[int, int, str], None],
 ) -> MadeClips:
     """Reconstruct every sequence that has no clip yet: `<folder>/<rig>/<split>/<sequence>.npz`.
+
+    Where no frame shows the object to enough cameras for a place, and single cameras show the whole of it, the clip has
+    crops and no Gaussians, and lies in `<folder>/<rig>/<split>/one_camera`.
 
     A clip exists whole or not at all, and depends on its sequence and the seed alone, so a killed run goes on where it
     stopped and the number of workers changes nothing.
@@ -91,18 +98,24 @@ def make_clips(
             "their names are in dataset.json",
         )
     claim(folder / RECORD, to_mapping(config))
-    missing = [job for job in jobs if not job.path.exists()]
+    missing = [job for job in jobs if not job.path.exists() and not one_camera_path(job.path).exists()]
     unusable = []
     for done, name in enumerate(run_jobs(_make_clip, missing, workers=workers), start=1):
         if name is not None:
             unusable.append(name)
         progress(done, len(missing), f"clips in {folder}")
-    places = sorted({str(job.path.parent.relative_to(folder)) for job in jobs})
-    return MadeClips({place: len(clip_files(folder / place)) for place in places}, tuple(sorted(unusable)))
+    folders = {job.path.parent for job in jobs} | {one_camera_path(job.path).parent for job in jobs}
+    counts = {str(one.relative_to(folder)): len(clip_files(one)) for one in sorted(folders) if one.is_dir()}
+    return MadeClips(counts, tuple(sorted(unusable)))
 
 
 def _facts(job: _Job, clip: Clip) -> dict[str, Fact]:
-    """What evaluation groups clips by."""
+    """What evaluation groups clips by; without a place, no distance."""
+    if clip.one_camera:
+        assert clip.seen.crops is not None  # there is nothing else
+        boxes = np.array([one.box for one in clip.one_camera.values()])
+        width = float(np.median(np.max(boxes[:, 2:] - boxes[:, :2], axis=1)))
+        return {"rig": job.rig, "cameras": clip.seen.crops.valid.shape[1], "width_px": width, "one_camera": True}
     seen = [
         (max(box[2] - box[0], box[3] - box[1]), float(np.linalg.norm(pose[:3, 3])))
         for one in clip.observations
@@ -142,5 +155,6 @@ def _make_clip(job: _Job) -> str | None:
     columns = np.asarray(clip.in_world().columns())[:, : job.config.tokens]
     crops = clip.seen.crops
     rgba, valid = (None, None) if crops is None else (crop_bytes(np.asarray(crops.rgba)), np.asarray(crops.valid))
-    save_clip(job.path, columns, job.label, job.identity, crops=rgba, crop_valid=valid, facts=_facts(job, clip))
+    path = one_camera_path(job.path) if clip.one_camera else job.path
+    save_clip(path, columns, job.label, job.identity, crops=rgba, crop_valid=valid, facts=_facts(job, clip))
     return None

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from aerojax.core.types import Evidence, Gaussians, Observation
+from aerojax.core.types import Box, Evidence, Gaussians, Observation
 from aerojax.reconstruct.consistency import Consistency
 
 DropCode = Literal["too-few-views", "silhouettes-disjoint"]
@@ -61,11 +61,28 @@ class Updated:
         return self.seen.gaussians
 
 
+@dataclass(frozen=True, eq=False)
+class OneCamera:
+    """What one camera alone shows of a whole object, as long as no frame has shown it to several: no place.
+
+    camera: its index in the network. box: of the object in that camera's image, pixels.
+    seen: the crops that classifiers of views read, and no Gaussians.
+    log_probabilities: of the classes, from all such frames so far; None where frames cannot be classified one by one.
+    """
+
+    camera: int
+    box: Box
+    seen: Evidence
+    log_probabilities: Float32[np.ndarray, "label"] | None
+
+
 @dataclass(frozen=True)
 class Dropped:
     """A frame that could not be used, of one object or of all where `track` is None.
 
     consistency: how well the cameras agree; None where too few of them show the object.
+    one_camera: what can be said without a place where one camera shows the object; None elsewhere, where the object was
+        seen by several before, and for classifiers that read Gaussians alone.
     """
 
     frame: int
@@ -73,6 +90,7 @@ class Dropped:
     code: DropCode
     text: str
     consistency: Consistency | None = None
+    one_camera: OneCamera | None = None
 
 
 @dataclass(frozen=True)

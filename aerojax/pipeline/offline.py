@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
@@ -21,12 +21,18 @@ from aerojax.core.errors import UserError
 from aerojax.core.types import Evidence, FrameSet, Gaussians, MissingView, Observation
 from aerojax.gaussians.rotate import transform
 from aerojax.pipeline.config import PipelineConfig
-from aerojax.pipeline.events import Dropped, Lost, Updated
+from aerojax.pipeline.events import Dropped, Lost, OneCamera, Updated
 from aerojax.pipeline.source import capture_frames, capture_preview
 from aerojax.pipeline.step import Pipeline, PipelineState, make_pipeline
 from aerojax.pipeline.stream import stream
 from aerojax.pipeline.trust import Record, TrustConfig, Verdict, judge
-from aerojax.pipeline.warnings import convention_of, cut_warnings, missing_warnings, shift_warnings
+from aerojax.pipeline.warnings import (
+    convention_of,
+    cut_warnings,
+    missing_warnings,
+    one_camera_warnings,
+    shift_warnings,
+)
 from aerojax.reconstruct.consistency import Consistency
 
 Progress = Callable[[int, int, str], None]
@@ -38,10 +44,11 @@ _TRUST = TrustConfig()
 class Clip:
     """One object of a capture in every usable frame.
 
-    seen: Gaussians (rig frame, metres) and crops, leading axis time. world_from_rig: rigid transform to the world.
-    frames: numbers in the capture.
+    seen: Gaussians (rig frame, metres) and crops, leading axis time: of `frames`, or else of `one_camera`, and then
+        crops alone. world_from_rig: rigid transform to the world.
+    frames: numbers in the capture; none where the object has no place.
     position: centres, metres, world.
-    log_probabilities: of the classes after each frame; None without a classifier.
+    log_probabilities: of the classes after each frame of `seen`; None without a classifier.
     dropped: frames that could not be used, and why.
     latency_ms: median milliseconds a frame, per stage.
     consistency: how well the cameras agree in each frame.
@@ -50,13 +57,15 @@ class Clip:
     missing: cameras that should have shown something and did not, with the numbers of their frames.
     warnings: what the user of the result should know, one sentence each.
     answer_set: the classes that the object could be of, if of one of them; None where that is not known.
+    one_camera: where no frame shows the object to enough cameras for a place, what the camera that alone shows the
+        whole of it shows, by the frame's number.
     """
 
     seen: Evidence
     world_from_rig: Float64[np.ndarray, "4 4"]
     frames: tuple[int, ...]
     position: Float64[np.ndarray, "time 3"]
-    log_probabilities: Float32[np.ndarray, "time label"] | None
+    log_probabilities: Float32[np.ndarray, "answer label"] | None
     dropped: tuple[Dropped, ...]
     latency_ms: dict[str, float]
     consistency: tuple[Consistency, ...]
@@ -65,6 +74,7 @@ class Clip:
     missing: tuple[tuple[int, MissingView], ...] = ()
     warnings: tuple[str, ...] = ()
     answer_set: AnswerSet | None = None
+    one_camera: Mapping[int, OneCamera] = field(default_factory=dict)
 
     @property
     def gaussians(self) -> Gaussians:
@@ -90,7 +100,8 @@ def reconstruct_capture(
 ) -> Clip:
     """Reconstruct the object in every frame of a capture, and classify it if there is a classifier.
 
-    Of several objects that the tracker finds, the one with most frames.
+    Of several objects that the tracker finds, the one with most frames. Where no frame shows it to enough cameras for a
+    place and single ones show the whole of it, there are their crops alone, and a classifier of crops answers.
 
     Args:
         capture: at least three calibrated cameras.
@@ -104,10 +115,12 @@ def reconstruct_capture(
         keep_observations: keep crops and boxes in the clip, for a report.
 
     Raises:
-        UserError: no frame has enough views, or the configuration contradicts the classifier's card.
+        UserError: no frame has enough views, or in none of those that have do they meet; the configuration contradicts
+            the classifier's card.
     """
     pipeline = make_pipeline(capture.cameras, config, classifier, key=key, object_id=object_id, familiarity=familiarity)
     updates: dict[int, list[Updated]] = {}
+    alone: dict[int, dict[int, OneCamera]] = {}
     dropped: list[Dropped] = []
     missing: list[tuple[int, MissingView]] = []
     source = _read(capture, pipeline, progress, missing)
@@ -120,7 +133,9 @@ def reconstruct_capture(
                     event if keep_observations else replace(event, observation=None)
                 )
             elif isinstance(event, Dropped):
-                dropped.append(event)
+                dropped.append(replace(event, one_camera=None))
+                if event.one_camera is not None and event.track is not None and not updates:
+                    alone.setdefault(event.track, {})[event.frame] = event.one_camera
             elif isinstance(event, Lost):
                 records[event.track] = _record(records, state, event.track)
         state = after
@@ -132,32 +147,36 @@ def reconstruct_capture(
     convention = convention_of(capture, pipeline, disjoint) if 2 * len(disjoint) > capture.frames else None
     if convention is not None:
         warnings = (*warnings, f"the silhouettes meet if {convention.name}: {convention.remedy}")
-    if not updates:
+    if not updates and (disjoint or not alone):
         reasons = "; ".join([*sorted({event.text for event in dropped}), *_disagreements(capture, state, trust)])
         raise UserError(
             "no-usable-frames",
             f"{capture.folder}: none of the {capture.frames} frames could be used ({reasons})",
             "; ".join(warnings) or "give frames in which more cameras see the whole object",
         )
-    kept = max(updates.values(), key=len)
-    seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(event.seen for event in kept))
-    log_probabilities, known = _answers(pipeline, kept, seen)
+    track = max(found := updates or alone, key=lambda number: len(found[number]))
+    kept, by_one = updates.get(track, []), {} if updates else alone[track]
+    answered = kept or list(by_one.values())
+    seen = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(one.seen for one in answered))
+    log_probabilities, known = _answers(pipeline, answered, seen)
     last = None if log_probabilities is None else log_probabilities[-1]
-    record = _record(records, state, kept[0].track)
+    record = _record(records, state, track)
+    classes = None if last is None or familiarity is None or not kept else familiarity.answer_set(last, len(kept))
     return Clip(
         seen=seen,
         world_from_rig=pipeline.world_from_rig,
         frames=tuple(event.frame for event in kept),
-        position=np.stack([event.position for event in kept]),
+        position=np.array([event.position for event in kept]).reshape(-1, 3),
         log_probabilities=log_probabilities,
-        dropped=tuple(event for event in dropped if event.track in (None, kept[0].track)),
+        dropped=tuple(event for event in dropped if event.track in (None, track)),
         latency_ms=pipeline.watch.medians(),
         consistency=tuple(event.consistency for event in kept),
         verdict=judge(record, capture.cameras, last, trust, fps=capture.fps, familiarity=known),
         observations=tuple(event.observation for event in kept if event.observation is not None),
         missing=tuple(missing),
-        warnings=warnings,
-        answer_set=None if last is None or familiarity is None else familiarity.answer_set(last, len(kept)),
+        warnings=(*warnings, *one_camera_warnings(by_one, capture.cameras, capture.frames)),
+        answer_set=classes,
+        one_camera=by_one,
     )
 
 
@@ -228,15 +247,18 @@ def _clip_known(
     return logits, familiarity.share(features[-1], valid.sum())
 
 
-def _answers(pipeline: Pipeline, kept: list[Updated], seen: Evidence) -> tuple[np.ndarray | None, float | None]:
-    """Log-probabilities after each frame, and the familiarity after the last."""
+def _answers(
+    pipeline: Pipeline, kept: Sequence[Updated | OneCamera], seen: Evidence
+) -> tuple[np.ndarray | None, float | None]:
+    """Log-probabilities after each frame, and the familiarity after the last, which one camera does not tell."""
     if pipeline.classifier is None:
         return None, None
     if pipeline.classifier.causal:
         rows = np.stack([event.log_probabilities for event in kept if event.log_probabilities is not None])
-        return rows, kept[-1].familiarity
+        return rows, kept[-1].familiarity if isinstance(kept[-1], Updated) else None
     valid = jnp.ones(len(kept), bool)
-    if pipeline.familiarity is None or not isinstance(pipeline.classifier, Embedding):
+    known = pipeline.familiarity is not None and isinstance(kept[-1], Updated)
+    if not known or not isinstance(pipeline.classifier, Embedding):
         return np.asarray(_clip(pipeline.classifier, seen, valid)), None
     logits, share = _clip_known(pipeline.classifier, pipeline.familiarity, seen, valid)
     return np.asarray(logits), float(share)

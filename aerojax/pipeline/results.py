@@ -37,9 +37,10 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         what is like none of the classes; the most likely class and the probabilities after the last frame, as if it
         were one of them; familiarity, see `TrustConfig`; the set of classes that it could be of with its coverage, see
         `AnswerSet`, or None; level of the cameras' disagreement, and how well each agrees, see `agreement_of`; frames
-        that were used, and those that were dropped with code and text; by camera, the frames that it was left out of,
-        and why; what the masks hold ("ids", "picture" or None); warnings; the track, see `TrackPoint`; median
-        milliseconds a stage. `result_schema` describes all of it.
+        that were used, and those that were dropped with code and text; of an object without a place, by number of the
+        frame the camera that alone shows it, of which the probabilities come, else None; by camera, the frames that it
+        was left out of, and why; what the masks hold ("ids", "picture" or None); warnings; the track, see
+        `TrackPoint`, empty without a place; median milliseconds a stage. `result_schema` describes all of it.
     """
     assert clip.log_probabilities is not None  # there was a classifier
     probabilities = dict(zip(CLASSES, np.exp(clip.log_probabilities[-1]).tolist(), strict=True))
@@ -57,6 +58,7 @@ def result_of(capture: Capture, clip: Clip) -> dict[str, Any]:
         "answer_set": None if clip.answer_set is None else asdict(clip.answer_set),
         "frames": list(clip.frames),
         "dropped": {str(event.frame): {"code": event.code, "text": event.text} for event in clip.dropped},
+        "one_camera": {str(frame): capture.cameras[one.camera].name for frame, one in clip.one_camera.items()} or None,
         "missing": {camera.name: _missing(clip, index) for index, camera in enumerate(capture.cameras)},
         "disagreement": clip.verdict.disagreement,
         "cameras": agreement_of(capture, clip),

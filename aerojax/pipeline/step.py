@@ -23,7 +23,7 @@ from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, Crops, Evidence, FrameSet, Gaussians, Observation, Track, View
 from aerojax.gaussians.decimate import DecimationConfig, decimate
 from aerojax.pipeline.config import PipelineConfig, clip_settings
-from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, Updated
+from aerojax.pipeline.events import Appeared, Dropped, Event, Lost, OneCamera, Updated
 from aerojax.pipeline.stopwatch import Stopwatch
 from aerojax.pipeline.trust import Record
 from aerojax.reconstruct.alignment import reconstruct_aligned
@@ -41,11 +41,14 @@ class TrackState:
     """One object.
 
     last_seen: frame. classify: what the classifier remembers. record: by which `trust.judge` judges the answer.
+    one_camera: what the classifier remembers of frames that one camera shows, while no frame has shown the object to
+        several; else None.
     """
 
     last_seen: int
     classify: Any
     record: Record
+    one_camera: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +144,7 @@ class Pipeline:
         """One object's event, and its next state."""
         seen = self.observe(frames, track)
         if isinstance(seen, Dropped):
-            return seen, TrackState(frames.frame, before.classify, before.record.unused())
+            return self._unplaced(frames, track, seen, before)
         valid = jnp.asarray(seen.valid)
         made = reconstruct_aligned(
             partial(self._reconstruct, valid=valid), seen.views, seen.valid, whole=seen.whole, stage=self.watch.stage
@@ -169,6 +172,31 @@ class Pipeline:
             *(frames.frame, track.number, position, evidence, seen, probabilities, agreement, largest, cut, known)
         )
         return updated, TrackState(frames.frame, classify, record)
+
+    def _unplaced(
+        self, frames: FrameSet, track: Track, dropped: Dropped, before: TrackState
+    ) -> tuple[Dropped, TrackState]:
+        """The event of a frame that too few cameras show, with what one of them says, and the next state."""
+        reads = self.classifier is None or self.classifier.reads_crops
+        # From the first frame on that several show, theirs is the answer: one camera would not contradict it.
+        if not reads or before.record.sums.frames or sum(usable(track.silhouettes)) != 1:
+            return dropped, replace(before, last_seen=frames.frame, record=before.record.unused())
+        with self.watch.stage("crop"):
+            size, world_from_rig = self.config.crop_size, self.world_from_rig
+            seen = observe(frames, track.silhouettes, self.cameras, size=size, world_from_rig=world_from_rig)
+        evidence = Evidence(Gaussians.from_columns(jnp.zeros((0, 14))), self._crops(seen))
+        state, logits = before.one_camera, None
+        if self.classifier is not None and self.classifier.causal:
+            with self.watch.stage("classify"):
+                state = self.classifier.initial() if state is None else state
+                logits, state = jax.block_until_ready(_classify(self.classifier, evidence, state))
+                logits = np.asarray(logits)
+        camera = int(np.flatnonzero(seen.whole)[0])
+        box = seen.boxes[camera]
+        assert box is not None  # it is whole there
+        said = OneCamera(camera, box, evidence, logits)
+        record = before.record.by_one_camera()
+        return replace(dropped, one_camera=said), TrackState(frames.frame, before.classify, record, state)
 
     def _reconstruct(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, int]:
         found, count = jax.block_until_ready(reconstruct_views(self.reconstructor, views, valid))

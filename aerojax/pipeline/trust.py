@@ -19,7 +19,9 @@ _RECENT_S = 0.5
 
 Status = Literal["ok", "unsure", "insufficient"]
 """ok: the label is the answer. unsure: it is the likeliest, no more. insufficient: too little was seen to say that."""
-ReasonCode = Literal["few-frames", "frames-dropped", "few-views", "cameras-disagree", "low-probability", "unfamiliar"]
+ReasonCode = Literal[
+    "few-frames", "frames-dropped", "one-camera", "few-views", "cameras-disagree", "low-probability", "unfamiliar"
+]
 """Why an answer is not the likeliest class: the first two make it insufficient, the last one unknown, others unsure."""
 
 
@@ -59,6 +61,7 @@ class Record:
     """What is remembered of one object to judge the answer by; its size does not grow.
 
     used, unusable: frames, the second of those in which a camera shows the object.
+    one_camera: those of the unusable ones that are answered from one camera; 0 once several have shown the object.
     sums: of the cameras' disagreement.
     path: last moments and places, seconds and metres, rig's frame, seen by the same cameras.
     watching: these cameras.
@@ -69,6 +72,7 @@ class Record:
     sums: Disagreement
     path: tuple[tuple[float, Float64[np.ndarray, "3"]], ...] = ()
     watching: tuple[bool, ...] = ()
+    one_camera: int = 0
 
     @staticmethod
     def none(cameras: int) -> Record:
@@ -78,6 +82,10 @@ class Record:
     def unused(self) -> Record:
         """One more frame that says nothing but that it could not be used."""
         return replace(self, unusable=self.unusable + 1)
+
+    def by_one_camera(self) -> Record:
+        """One more frame in which one camera alone shows the object, none of several before it."""
+        return replace(self.unused(), one_camera=self.one_camera + 1)
 
     def seen(self, one: Consistency, time_s: float, place: Float64[np.ndarray, "3"], *, used: bool) -> Record:
         """One more frame with its figures; `used` says whether the silhouettes meet."""
@@ -93,7 +101,9 @@ class Record:
     def __add__(self, later: Record) -> Record:
         """Of an object that was lost in between."""
         used, unusable = self.used + later.used, self.unusable + later.unusable
-        return replace(later, used=used, unusable=unusable, sums=self.sums + later.sums)
+        sums = self.sums + later.sums
+        alone = 0 if sums.frames else self.one_camera + later.one_camera
+        return replace(later, used=used, unusable=unusable, sums=sums, one_camera=alone)
 
 
 @dataclass(frozen=True)
@@ -143,7 +153,7 @@ def judge(
         fps: says lateness in frames, too.
         familiarity: after the last frame, `Updated.familiarity`; None calls nothing unknown.
     """
-    reasons = [*_too_little(record, trust), *_too_few_views(record, trust)]
+    reasons = [*_too_little(record, trust), *_one_camera(record), *_too_few_views(record, trust)]
     sums, guess = record.sums, suspect(record.sums)
     displaced = guess is not None and guess.offset_m > trust.most_offset * sums.mean_size
     if inconsistent := sums.level > trust.most_disagreement or displaced:
@@ -165,13 +175,20 @@ def judge(
 
 
 def _too_little(record: Record, trust: TrustConfig) -> list[Reason]:
-    shown = record.used + record.unusable
-    if record.used < trust.least_frames:
-        return [Reason("few-frames", f"{record.used} usable frame(s), {trust.least_frames} are needed")]
-    if record.used < trust.least_share * shown:
-        text = f"only {record.used} of the {shown} frames that show the object could be used"
+    shown, used = record.used + record.unusable, record.used or record.one_camera
+    if used < trust.least_frames:
+        return [Reason("few-frames", f"{used} usable frame(s), {trust.least_frames} are needed")]
+    if used < trust.least_share * shown:
+        text = f"only {used} of the {shown} frames that show the object could be used"
         return [Reason("frames-dropped", text)]
     return []
+
+
+def _one_camera(record: Record) -> list[Reason]:
+    if not record.one_camera:
+        return []
+    text = f"only one camera shows the whole object, in {record.one_camera} frame(s): no place, and none contradicts it"
+    return [Reason("one-camera", text)]
 
 
 def _too_few_views(record: Record, trust: TrustConfig) -> list[Reason]:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from aerojax.capture.format import Capture, CaptureCamera
 from aerojax.capture.frames import read_frames
 from aerojax.core.types import MissingView
-from aerojax.pipeline.events import Updated
+from aerojax.pipeline.events import OneCamera, Updated
 from aerojax.pipeline.source import capture_preview
 from aerojax.pipeline.step import Pipeline
 from aerojax.track.conventions import Convention, fitting_convention
@@ -50,6 +50,23 @@ def cut_warnings(updates: Sequence[Updated], cameras: Sequence[CaptureCamera], f
         return ()
     names = ", ".join(cameras[camera].name for camera in sorted({camera for some in cut for camera in some}))
     return (f"{len(cut)} of {frames} frames use cameras whose border cuts the object: {names}",)
+
+
+def one_camera_warnings(
+    seen: Mapping[int, OneCamera], cameras: Sequence[CaptureCamera], frames: int
+) -> tuple[str, ...]:
+    """A sentence on an answer without a place; none where the object has one.
+
+    Args:
+        seen: what the camera that alone shows the whole object shows, by the frame's number.
+        cameras: of the capture.
+        frames: how many it has.
+    """
+    if not seen:
+        return ()
+    names = ", ".join(cameras[camera].name for camera in sorted({one.camera for one in seen.values()}))
+    text = f"answered from {len(seen)} of {frames} frames, in each of which one camera alone shows the whole object"
+    return (f"{text} ({names}): it has no place and no Gaussians, and no other camera can contradict the answer",)
 
 
 def convention_of(capture: Capture, pipeline: Pipeline, frames: Sequence[int]) -> Convention | None:

@@ -69,9 +69,26 @@ class Teller:
                 yield self._sighting(event, objects[event.track].record, time_s, moment)
             elif isinstance(event, Dropped) and event.track is not None:  # an empty sky needs no message a frame
                 told = {"track": event.track, "code": event.code, "text": event.text}
-                yield message("unusable", moment, **head, **told)
+                yield message("unusable", moment, **head, **told, **self._by_one_camera(event, objects))
             elif isinstance(event, Appeared | Lost):
                 yield message(type(event).__name__.lower(), moment, **head, track=event.track)
+
+    def _by_one_camera(self, event: Dropped, objects: Mapping[int, TrackState]) -> dict[str, Any]:
+        """What is said without a place where one camera alone shows the object; nothing elsewhere."""
+        seen = event.one_camera
+        if seen is None or seen.log_probabilities is None or event.track is None:
+            return {}
+        verdict = judge(objects[event.track].record, self.site.cameras, seen.log_probabilities, self.trust)
+        probabilities = np.exp(np.asarray(seen.log_probabilities, np.float64))
+        told = {
+            "camera": self.site.cameras[seen.camera].name,
+            "box": list(seen.box),
+            "status": verdict.status,
+            "reasons": [asdict(reason) for reason in verdict.reasons],
+            "most_likely": CLASSES[int(np.argmax(probabilities))],
+            "probabilities": dict(zip(CLASSES, probabilities.tolist(), strict=True)),
+        }
+        return {"one_camera": told}
 
     def _sighting(self, event: Updated, record: Record, time_s: float, moment: datetime) -> Sighting:
         point = self._point(event, record, time_s)

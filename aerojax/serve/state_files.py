@@ -14,7 +14,7 @@ from aerojax.core.tensors import read_tensors, write_tensors
 from aerojax.pipeline.step import PipelineState
 from aerojax.serve.trees import NotStorable, from_tree, to_tree
 
-FORMAT, VERSION = "aerojax-live-state", 1
+FORMAT, VERSION = "aerojax-live-state", 2
 _DAMAGED = (ValueError, KeyError, TypeError, AttributeError, ImportError, UserError)
 
 

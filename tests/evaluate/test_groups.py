@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.clip_examples import random_clip
@@ -12,8 +13,8 @@ from support.known_answers import Heights
 from aerojax.classify.base import untrained_card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.errors import UserError
-from aerojax.core.types import CLASSES
-from aerojax.data.clips import save_clip
+from aerojax.core.types import CLASSES, pytree_dataclass
+from aerojax.data.clips import one_camera_path, save_clip
 from aerojax.evaluate.groups import (
     AnsweredClips,
     AskedClip,
@@ -104,3 +105,38 @@ def test_rows_are_paired_with_the_ideal():
     text = robustness_markdown([same, later], about="Two levels.")
     assert "| clock error (ms, largest) | 33 ms | 50.0 |" in text and "| -25.0 |" in text
     assert "| clock error (ms, largest) | 0 | 75.0 |" in text and "| +0.0 | +0.0 … +0.0 |" in text
+
+
+@pytree_dataclass
+class Bright(Heights):
+    """Reads crops alone: the second class is certain where any counts."""
+
+    @property
+    def reads_crops(self):
+        return True
+
+    def clip(self, seen, valid):
+        sure = jnp.where(seen.crops.valid.any(), 9.0, 0.0)
+        return jnp.tile(jnp.array([[0.0, 1.0, 0.0, 0.0]]) * sure, (len(valid), 1))
+
+
+def test_sequences_of_one_camera_count_by_their_answer(tmp_path):
+    folder, crops = tmp_path / "rig" / "test", np.full((2, 3, 4, 4, 4), 255, np.uint8)
+    for name, label in (("right", CLASSES[1]), ("wrong", "bird")):
+        facts = {"rig": "rig", "one_camera": True, "width_px": 9.0}
+        given = {"crops": crops, "crop_valid": np.ones((2, 3), bool), "facts": facts}
+        save_clip(one_camera_path(folder / f"{name}.npz"), np.zeros((2, 0, 14)), label, name, **given)
+    clip = np.array(random_clip(0, time=2, tokens=8))
+    save_clip(folder / "placed.npz", clip, CLASSES[1], "placed", crops=crops, crop_valid=np.ones((2, 3), bool))
+    labels = {"placed": CLASSES[1], "right": CLASSES[1], "wrong": "bird", "gone": "bird"}
+    asked = {name: AskedClip(label, name, {"distance_m": 300.0}) for name, label in labels.items()}
+    found = answer_folder(Bright(HEIGHTS.card), folder, frames=2, asked=asked)
+    assert found.identity == ("placed", "right", "wrong", "gone")
+    assert found.predicted.tolist() == [1, 1, 1, len(CLASSES)]
+    assert found.facts[0] == {"rig": "rig"} and found.facts[1]["distance_m"] == 300.0
+    figures = answer_figures(found, seed=0, draws=20)
+    assert (figures["missing"], figures["one_camera"], figures["one_camera_right"]) == (1, 2, 1)
+    assert figures["accuracy"] == 0.5
+    blind = answer_folder(HEIGHTS, folder, frames=2, asked=asked)  # reads Gaussians: these have none
+    assert blind.exists.tolist() == [True, False, False, False]
+    assert answer_folder(Bright(HEIGHTS.card), folder, frames=2).identity == ("placed",)

@@ -59,7 +59,7 @@ def test_a_state_of_something_else_is_refused(tmp_path):
     whole = path.read_bytes()
     for content in (whole[:-3], b"", b"{}", whole.replace(b"aerojax-live-state", b"aerojax-live-stale")):
         path.write_bytes(content)
-        with pytest.raises(UserError, match="is no aerojax-live-state of version 1"):
+        with pytest.raises(UserError, match="is no aerojax-live-state of version 2"):
             read_service_state(path, MADE_WITH)
     path.write_bytes(whole.replace(b"ServiceState", b"ServiceStale"))
     with pytest.raises(UserError, match="is damaged"):

@@ -56,12 +56,20 @@ def mask_of(camera: CaptureCamera, centre: np.ndarray) -> np.ndarray:
 
 
 def frame_sets(
-    cameras: tuple[CaptureCamera, ...], frames: range, *, masks: bool = True, blind: tuple[int, ...] = ()
+    cameras: tuple[CaptureCamera, ...],
+    frames: range,
+    *,
+    masks: bool = True,
+    blind: tuple[int, ...] = (),
+    watching: tuple[int, ...] | None = None,
+    instance: int = 3,
 ) -> Iterator[FrameSet]:
-    """The ellipsoid, bright before a grey gradient, at 30 frames a second; in `blind` frames nobody sees anything."""
+    """The ellipsoid, bright before a grey gradient, at 30 frames a second; in `blind` frames nobody sees anything, in
+    the others those cameras that are `watching`, or all."""
     backdrop = np.repeat(np.linspace(0.2, 0.5, WIDTH, dtype=np.float32)[None, :, None], HEIGHT, 0).repeat(3, 2)
     for frame in frames:
-        seen = [mask_of(c, position_at(frame)) & (frame not in blind) for c in cameras]
+        awake = [frame not in blind and (watching is None or index in watching) for index in range(len(cameras))]
+        seen = [mask_of(c, position_at(frame)) & looks for c, looks in zip(cameras, awake, strict=True)]
         rgb = tuple(np.where(mask[..., None], np.float32(0.9), backdrop) for mask in seen)
-        ids = tuple(3 * mask.astype(np.uint16) for mask in seen) if masks else (None,) * len(cameras)
+        ids = tuple(instance * mask.astype(np.uint16) for mask in seen) if masks else (None,) * len(cameras)
         yield FrameSet(frame, frame / 30, rgb, ids)

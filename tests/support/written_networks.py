@@ -17,11 +17,14 @@ def write_network(
     *,
     cameras: int = 4,
     blind: tuple[int, ...] = (),
+    watching: tuple[int, ...] | None = None,
+    instance: int = 3,
     world_from_rig: np.ndarray | None = None,
 ) -> Capture:
-    """Write a capture of instance 3 in `frames` frames; nobody sees it in `blind` ones."""
+    """Write a capture of an instance in `frames` frames; nobody sees it in `blind` ones, or those `watching` alone."""
     made = network(cameras, world_from_rig=world_from_rig)
-    for one in frame_sets(network(cameras), range(frames), blind=blind):
+    shown = frame_sets(network(cameras), range(frames), blind=blind, watching=watching, instance=instance)
+    for one in shown:
         for camera, rgb, ids in zip(made, one.rgb, one.ids, strict=True):
             assert rgb is not None
             write_frame(folder, camera, one.frame, rgb.astype(np.float64), ids)

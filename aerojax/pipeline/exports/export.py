@@ -56,11 +56,13 @@ def export_clip(
         progress: called with (done, total, what) as exports are written.
 
     Returns:
-        The file or folder of each.
+        The file or folder of each; nothing is written of an object without a place, as every export tells of that.
 
     Raises:
         UserError: an optional package is not there, or the capture lacks what an export needs.
     """
+    if not clip.frames:
+        return {}
     points = track_points(capture, clip)
     write: dict[str, Callable[[], Path]] = {
         "ply": lambda: export_ply(clip, folder / "ply"),

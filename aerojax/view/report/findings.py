@@ -47,7 +47,7 @@ def _entry(good: bool, text: str, detail: str = "") -> str:
 def _frames(report: ClassificationReport) -> str:
     used, dropped = len(report.frames), len(report.dropped)
     if not used:
-        return _entry(False, "No frame was usable.", _reasons(report))
+        return _entry(False, "No frame gives a place.", _reasons(report))
     if not dropped:
         return _entry(True, f"All {used} frames were used.")
     return _entry(False, f"{dropped} of {used + dropped} frames were dropped.", _reasons(report))

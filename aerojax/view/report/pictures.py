@@ -27,7 +27,7 @@ def player_section(report: ClassificationReport, steps: Sequence[Step], data: Ma
     """
     first = next((index for index, step in enumerate(steps) if step.used), None)
     if first is None:
-        return '<section class="card"><p class="quiet">No frame was usable: there is nothing to show.</p></section>'
+        return '<section class="card"><p class="quiet">No frame gives a place: there is nothing to show.</p></section>'
     frame, shown = steps[first].used, data["steps"][first]
     assert frame is not None  # it is the first one that was used
     names = data["cameras"]

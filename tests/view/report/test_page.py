@@ -191,7 +191,7 @@ def test_camera_without_crop_in_some_frames(tmp_path):
 
 def test_no_frame_at_all(tmp_path):
     _, page = write(tmp_path, make_report((), probabilities={}, latency_ms={}, dropped={}))
-    assert "No frame was usable" in page.visible() and page.data()["steps"] == []
+    assert "No frame gives a place" in page.visible() and page.data()["steps"] == []
 
 
 def test_numbers_that_are_none(tmp_path):
