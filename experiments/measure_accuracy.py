@@ -41,6 +41,7 @@ class Config:
         wrong. Folders of rigs that they do not have are taken as they are.
     split: of the folders, which is measured.
     frames: clips are cut or padded to so many.
+    cameras: so many of each clip are kept, drawn by its name, for classifiers that read crops; all if None.
     seed, draws: of the intervals.
     """
 
@@ -51,6 +52,7 @@ class Config:
     datasets: tuple[Path, ...] = ()
     split: Split = "test"
     frames: int = 10
+    cameras: int | None = None
     seed: int = 0
     draws: int = 2000
 
@@ -61,7 +63,8 @@ def _answers(config: Config) -> dict[Path, AnsweredClips]:
     with progress_bar() as bar:
         for folder in bar.track((*config.tests, *config.also), description="folders"):
             asked = asked_sequences(sequences, folder.name, config.split)
-            found[folder] = answer_folder(classifier, folder / config.split, frames=config.frames, asked=asked)
+            given = {"frames": config.frames, "cameras": config.cameras}
+            found[folder] = answer_folder(classifier, folder / config.split, asked=asked, **given)
     return found
 
 

@@ -77,6 +77,19 @@ class StoredClip:
     facts: Mapping[str, Fact] = field(default_factory=dict)
     classes: tuple[str, ...] = CLASSES
 
+    def seen_by(self, cameras: int, *, seed: int) -> StoredClip:
+        """With crops of so many cameras alone, drawn among those that count in any frame; Gaussians stay as they are.
+
+        Raises:
+            UserError: there are no crops.
+        """
+        if self.crop_valid is None:
+            raise UserError("missing", f"a clip of {self.identity} has no crops to choose among", "make it again")
+        used = np.flatnonzero(self.crop_valid.any(axis=0))
+        chosen = np.random.default_rng(seed).permutation(used)[:cameras]
+        kept = np.isin(np.arange(self.crop_valid.shape[1]), chosen)
+        return replace(self, crop_valid=self.crop_valid & kept)
+
 
 def crop_bytes(rgba: Float32[np.ndarray, "*batch 4"]) -> UInt8[np.ndarray, "*batch 4"]:
     """Crops of 0..1 as they are stored."""

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 
 from aerojax.classify.base import Classifier, with_card
 from aerojax.core.errors import UserError
+from aerojax.core.seeds import seed_of
 from aerojax.core.types import CLASSES
 from aerojax.data.clips import ClipSet, Fact, clip_files, load_clip, one_camera_path, pack_clips
 from aerojax.data.manifest import SequenceEntry
@@ -81,7 +82,12 @@ def asked_sequences(sequences: Sequence[SequenceEntry], rig: str, split: str) ->
 
 
 def answer_folder(
-    classifier: Classifier, folder: Path, *, frames: int, asked: Mapping[str, AskedClip] | None = None
+    classifier: Classifier,
+    folder: Path,
+    *,
+    frames: int,
+    asked: Mapping[str, AskedClip] | None = None,
+    cameras: int | None = None,
 ) -> AnsweredClips:
     """Ask a classifier about the clips of a folder, with `TEST_ENSEMBLES` subsets of tokens.
 
@@ -92,10 +98,15 @@ def answer_folder(
         asked: by name; the answers are to these alone and those without a file count as missing, unless there are crops
             of one camera (`one_camera_path`), which a classifier of crops answers from. None for every clip of the
             folder.
+        cameras: of each clip so many are kept, drawn by its name; None for all of them.
 
     Raises:
-        UserError: nothing is asked, a clip is broken, or crops are wanted and there are none.
+        UserError: nothing is asked, a clip is broken, crops are wanted and there are none, or cameras are left out for
+            a classifier that reads Gaussians alone, which are of all of them.
     """
+    if cameras is not None and not classifier.reads_crops:
+        problem = f"the classifier {classifier.card.name!r} reads Gaussians, which are those of all cameras"
+        raise UserError("mismatch", problem, "leave cameras out, or give one that reads crops")
     known: Mapping[str, AskedClip | None]
     known = dict.fromkeys(path.stem for path in clip_files(folder)) if asked is None else asked
     if not known:
@@ -105,20 +116,29 @@ def answer_folder(
     alone = [name for name in others if classifier.reads_crops and one_camera_path(folder / f"{name}.npz").is_file()]
     parts, rig = [], {"rig": folder.parent.name}
     if placed:
-        parts.append(_answered(classifier, [folder / f"{name}.npz" for name in placed], [rig] * len(placed), frames))
+        parts.append(
+            _answered(classifier, [folder / f"{name}.npz" for name in placed], [rig] * len(placed), frames, cameras)
+        )
     if alone:  # without Gaussians, so not in one set with the others; the sequence alone knows the distance
         facts = [rig if (one := known[name]) is None else {**rig, **one.facts} for name in alone]
         paths = [one_camera_path(folder / f"{name}.npz") for name in alone]
-        parts.append(_answered(classifier, paths, facts, frames))
+        parts.append(_answered(classifier, paths, facts, frames, cameras))
     missing = [one for name in others if name not in set(alone) and (one := known[name]) is not None]
     return join_answers([*parts, answered_clips(None, np.zeros((0, len(CLASSES))), missing)])
 
 
 def _answered(
-    classifier: Classifier, paths: Sequence[Path], facts: Sequence[Mapping[str, Fact]], frames: int
+    classifier: Classifier,
+    paths: Sequence[Path],
+    facts: Sequence[Mapping[str, Fact]],
+    frames: int,
+    cameras: int | None,
 ) -> AnsweredClips:
     """Answers to files; where a clip does not say itself what is given of it, that is taken."""
-    clips = pack_clips([load_clip(path) for path in paths], frames=frames)
+    stored = [load_clip(path) for path in paths]
+    if cameras is not None:
+        stored = [one.seen_by(cameras, seed=seed_of(path.stem)) for one, path in zip(stored, paths, strict=True)]
+    clips = pack_clips(stored, frames=frames)
     both = zip(facts, clips.facts, strict=True)
     clips = replace(clips, facts=tuple({**given, **own} for given, own in both))
     return answered_clips(clips, log_probabilities(with_card(classifier, token_ensembles=TEST_ENSEMBLES), clips))

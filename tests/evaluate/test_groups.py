@@ -14,7 +14,7 @@ from aerojax.classify.base import untrained_card
 from aerojax.classify.mambasplat.config import MambaSplatConfig
 from aerojax.core.errors import UserError
 from aerojax.core.types import CLASSES, pytree_dataclass
-from aerojax.data.clips import one_camera_path, save_clip
+from aerojax.data.clips import StoredClip, one_camera_path, save_clip
 from aerojax.evaluate.groups import (
     AnsweredClips,
     AskedClip,
@@ -140,3 +140,18 @@ def test_sequences_of_one_camera_count_by_their_answer(tmp_path):
     blind = answer_folder(HEIGHTS, folder, frames=2, asked=asked)  # reads Gaussians: these have none
     assert blind.exists.tolist() == [True, False, False, False]
     assert answer_folder(Bright(HEIGHTS.card), folder, frames=2).identity == ("placed",)
+
+
+def test_cameras_are_left_out_for_those_who_read_crops(tmp_path):
+    folder, valid = tmp_path / "rig" / "test", np.array([[True, False, True], [True, False, False]])
+    clip = StoredClip(np.zeros((2, 8, 14), np.float32), "bird", "one", np.zeros((2, 3, 4, 4, 4), np.uint8), valid)
+    kept = [clip.seen_by(1, seed=seed).crop_valid for seed in range(9)]
+    columns = {tuple(one.any(axis=0).tolist()) for one in kept if one is not None}
+    assert columns == {(True, False, False), (False, False, True)}  # never the one that shows nothing
+    np.testing.assert_array_equal(clip.seen_by(3, seed=0).crop_valid, valid)
+    save_clip(folder / "one.npz", clip.columns, "bird", "one", crops=clip.crops, crop_valid=valid)
+    assert answer_folder(Bright(HEIGHTS.card), folder, frames=2, cameras=1).predicted.tolist() == [1]
+    with pytest.raises(UserError, match="reads Gaussians, which are those of all cameras"):
+        answer_folder(HEIGHTS, folder, frames=2, cameras=1)
+    with pytest.raises(UserError, match="no crops to choose among"):
+        StoredClip(clip.columns, "bird", "one").seen_by(1, seed=0)
