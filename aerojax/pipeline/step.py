@@ -195,7 +195,7 @@ class Pipeline:
         box = seen.boxes[camera]
         assert box is not None  # it is whole there
         said = OneCamera(camera, box, evidence, logits)
-        record = before.record.by_one_camera()
+        record = before.record.by_one_camera(max(box[2] - box[0], box[3] - box[1]))
         return replace(dropped, one_camera=said), TrackState(frames.frame, before.classify, record, state)
 
     def _reconstruct(self, views: View, valid: Bool[Array, "view"]) -> tuple[Gaussians, int]:

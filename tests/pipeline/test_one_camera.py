@@ -133,15 +133,19 @@ def test_without_a_view_or_a_reader_of_crops_there_is_no_answer(watching, tmp_pa
 
 
 def test_few_frames_of_one_camera_are_insufficient():
-    record, sure = Record.none(4).by_one_camera().by_one_camera(), np.log(np.float32([0.97, 0.01, 0.01, 0.01]))
+    record, sure = Record.none(4).by_one_camera(30.0).by_one_camera(30.0), np.log(np.float32([0.97, 0.01, 0.01, 0.01]))
     found = judge(record, CAMERAS, sure, TrustConfig())
     assert found.status == "insufficient" and [r.code for r in found.reasons] == ["few-frames", "one-camera"]
-    three = record.by_one_camera()
+    three = record.by_one_camera(30.0)
     assert judge(three, CAMERAS, sure, TrustConfig(), familiarity=None).status == "unsure"
     hidden = replace(three, unusable=7)
     assert [r.code for r in judge(hidden, CAMERAS, sure, TrustConfig()).reasons] == ["frames-dropped", "one-camera"]
+    small = judge(replace(three, width_px=3 * 7.5), CAMERAS, sure, TrustConfig())
+    assert small.status == "insufficient" and [r.code for r in small.reasons] == ["too-small", "one-camera"]
+    assert small.reasons[0].text == "it is 7.5 pixels wide there, 8 are needed"
     placed = replace(Record.none(4), used=3, sums=replace(Disagreement.none(4), frames=3))
     assert (three + placed).one_camera == 0 and (three + record).one_camera == 5
+    assert (three + placed).width_px == 0.0 and (three + record).width_px == 150.0
 
 
 def test_a_service_says_what_one_camera_shows(classifier):
