@@ -118,8 +118,18 @@ def features() -> str:
 
 def steps() -> str:
     """The ablation, one network at a time."""
+    return _compared("compare_classifiers_steps")
+
+
+def on_hulls_and_refined() -> str:
+    """The same network on hulls and on refined hulls."""
+    return _compared("compare_classifiers_reconstructors")
+
+
+def _compared(name: str) -> str:
+    """Rows of a comparison, each with its difference from the row that it is held against."""
     rows = []
-    for row in load("compare_classifiers_steps")["rows"]:
+    for row in load(name)["rows"]:
         tests, gap = row["tests"], row["difference"]
         less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], '+.1f')}"
         whole = f"{spread(tests['all']['accuracy'])} {interval_cell(*tests['all']['interval_95'], how='.0f')}"
