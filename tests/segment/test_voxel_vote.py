@@ -65,6 +65,24 @@ def test_a_thrown_shadow_is_no_object():
     assert sum(not one.shadow for one in state.objects) == 1
 
 
+def hovering(height):
+    """An ellipsoid that drifts by a third of its length in ten frames and turns by nothing."""
+    return replace(DARK, axes=(0.6, 0.6, 0.3), path=lambda frame: np.array([0.02 * frame, 0.03 * frame, height]))
+
+
+def test_what_moves_less_than_its_length_is_found_whole_before_a_plain_sky():
+    figures, _, _ = found_in(Scene((hovering(2.0),), cameras=4), range(10))
+    print(figures)
+    assert figures["median_iou"] > 0.8 and figures["missed"] < 0.1 and figures["ghosts_in_100"] == 0
+
+
+def test_what_hovers_before_texture_and_clutter_makes_no_ghosts():
+    bright = replace(hovering(-0.5), colour=ORANGE.colour)
+    figures, _, _ = found_in(with_clutter(Scene((bright,), cameras=4)), range(10))
+    print(figures)
+    assert figures["missed"] < 0.8 and figures["ghosts_in_100"] == 0
+
+
 def test_clutter_alone_is_nothing():
     _, _, silhouettes = found_in(with_clutter(Scene((), cameras=4)))
     assert not any(silhouettes)

@@ -108,7 +108,7 @@ def learnt(images: Sequence[UInt8[np.ndarray, "height width 3"]], config: Backgr
     known = Background(mean, np.minimum(deviation, GREATEST_DEVIATION) ** 2, coarse(mean))
     if config.model == "running":
         return known
-    return replace(known, mixture=mixture_of(images, _bytes(mean), max(1, round(config.memory))))
+    return replace(known, mixture=mixture_of(images, as_bytes(mean), max(1, round(config.memory))))
 
 
 def _median(values: Sequence[np.ndarray]) -> Float32[np.ndarray, "value"]:
@@ -139,7 +139,13 @@ def difference_of(
     factor = reduction(image.shape[1])
     right, down = offset_of(coarse(image), known.grey)
     offset = (right * factor, down * factor)
-    offset = STILL if max(map(abs, offset)) < LEAST_OFFSET else offset
+    return difference_at(STILL if max(map(abs, offset)) < LEAST_OFFSET else offset, image, known, config)
+
+
+def difference_at(
+    offset: Offset, image: Float32[np.ndarray, "height width 3"], known: Background, config: BackgroundConfig
+) -> Difference:
+    """`difference_of` for an image of which the displacement is known, pixels."""
     predicted = _in_this_light(displaced(known.mean, offset), image)
     size = largest_channel(cv2.absdiff(image, predicted))
     slope = cv2.magnitude(*slopes(grey(predicted)))
@@ -150,7 +156,7 @@ def difference_of(
     seen = Difference(size, np.sqrt(variance), predicted, offset, recent)
     if known.mixture is None:
         return seen
-    moves = known.mixture.foreground(_bytes(as_background(image, seen, known)))
+    moves = known.mixture.foreground(as_bytes(as_background(image, seen, known)))
     usual = displaced((~moves).astype(np.uint8), offset) > 0
     return replace(seen, deviation=np.where(usual, np.float32(USUAL), seen.deviation))
 
@@ -180,7 +186,7 @@ def after(
     mixture = known.mixture
     if mixture is not None:
         shown = np.where(free[..., None] > 0, as_background(image, seen, known), known.mean)
-        mixture = mixture.after(_bytes(shown), rate)
+        mixture = mixture.after(as_bytes(shown), rate)
     return replace(known, mean=mean, variance=variance, grey=coarse(mean), mixture=mixture)
 
 
@@ -203,7 +209,8 @@ def grey(image: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "h
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
 
 
-def _bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+def as_bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+    """An sRGB image as 0..255."""
     return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 

@@ -19,7 +19,8 @@ from aerojax.segment.voxel_vote.background import (
     BackgroundConfig,
     Difference,
     after,
-    as_background,
+    as_bytes,
+    difference_at,
     difference_of,
     followed,
     learnt,
@@ -28,6 +29,8 @@ from aerojax.segment.voxel_vote.cluster import Candidate, candidates
 from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
 from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.objects import Known, ObjectsConfig, linked
+from aerojax.segment.voxel_vote.previewed import previewed
+from aerojax.segment.voxel_vote.registration import STILL
 from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, widened, without
 from aerojax.segment.voxel_vote.volume import Volume, monitored_volume
 from aerojax.segment.voxel_vote.vote import VoteConfig, vote
@@ -36,6 +39,8 @@ PREVIEWED = 15
 """Images whose median is the background."""
 RELEARNT = 2
 """Times that a previewed background is learnt anew without the objects that it shows; the second knows them better."""
+LOOKED_AT = 2
+"""Of the previewed images one in so many is searched for objects; what lies between follows."""
 KEPT_OF = 3
 """Of the frames before a background is known one in so many is kept."""
 AROUND = 4
@@ -117,10 +122,12 @@ class VoxelVoteSegmenter:
         for frames in preview(PREVIEWED, rgb=True, ids=False):
             for kept, image in zip(images, frames.rgb, strict=True):
                 if image is not None:
-                    kept.append(_bytes(image))
-        known = tuple(learnt(one, self.config.background) if one else None for one in images)
+                    kept.append(as_bytes(image))
+        pairs = [previewed(one, self.config.background) if one else (None, one) for one in images]
+        first, steady = [known for known, _ in pairs], [kept for _, kept in pairs]
+        known = first
         for _ in range(RELEARNT):
-            known = self._without_lingering(volume, known, images)
+            known = self._without_lingering(volume, known, first, steady)
         return VoxelVoteState(volume, tuple(CameraState(one) for one in known))
 
     def step(self, frames: FrameSet, state: VoxelVoteState) -> tuple[list[Silhouette], VoxelVoteState]:
@@ -149,27 +156,40 @@ class VoxelVoteSegmenter:
         return masks, VoxelVoteState(state.volume, cameras, (*now, *lost), numbers)
 
     def _without_lingering(
-        self, volume: Volume, known: Sequence[Background | None], images: Sequence[Sequence[UInt8[np.ndarray, "_ _ 3"]]]
-    ) -> tuple[Background | None, ...]:
-        """Backgrounds without objects that stay, where all cameras recorded the same frames."""
+        self,
+        volume: Volume,
+        known: Sequence[Background | None],
+        first: Sequence[Background | None],
+        images: Sequence[Sequence[UInt8[np.ndarray, "_ _ 3"]]],
+    ) -> Sequence[Background | None]:
+        """The first backgrounds without objects that stay, where all cameras recorded the same frames.
+
+        Args:
+            known: with which objects are looked for, shadows among them: their places are learnt anew all the same.
+            images: in the place and light of the first.
+        """
         count = min(len(one) for one in images)
         if max(len(one) for one in images) > count or not count:
-            return tuple(known)
-        shown: list[list[np.ndarray]] = [[] for _ in images]
-        outlines: list[list[list[np.ndarray]]] = [[] for _ in images]
-        for frame in range(0, count, 2):
-            moving = [self._moving(_floats(one[frame]), CameraState(k)) for one, k in zip(images, known, strict=True)]
-            found = [one for one in self._found(volume, moving) if not _is_light(one, moving, self.config.cue)]
-            for camera, (one, before) in enumerate(zip(moving, known, strict=True)):
-                if one is not None and before is not None:
-                    regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
-                    hulls = [outline_of(region, one.weight) for region in regions]
-                    outlines[camera].append([hull for hull in hulls if hull is not None])
-                    shown[camera].append(as_background(one.image, one.seen, before))
+            return known
+        outlines: list[dict[int, list[np.ndarray]]] = [{} for _ in images]
+        for frame in range(0, count, LOOKED_AT):
+            moving = [self._steady(one[frame], k) for one, k in zip(images, known, strict=True)]
+            found = self._found(volume, moving)
+            for camera, kept in enumerate(outlines):
+                regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
+                kept[frame] = [hull for region in regions if (hull := outline_of(region)) is not None]
         return tuple(
             None if one is None else without_lingering(one, images, kept)
-            for one, images, kept in zip(known, shown, outlines, strict=True)
+            for one, images, kept in zip(first, images, outlines, strict=True)
         )
+
+    def _steady(self, image: UInt8[np.ndarray, "height width 3"], known: Background | None) -> _Moving | None:
+        """What moves in an image that lies where the background does."""
+        if known is None:
+            return None
+        floats = _floats(image)
+        seen = difference_at(STILL, floats, known, self.config.background)
+        return _Moving(floats, seen, motion_weight(floats, seen, self.config.cue))
 
     def _found(self, volume: Volume, moving: Sequence[_Moving | None]) -> list[Candidate]:
         """What moves at one place, shadows with it."""
@@ -207,7 +227,7 @@ class VoxelVoteSegmenter:
         return CameraState(after(image, moving.seen, background, covered, self.config.background), seen=seen)
 
     def _warmed_up(self, image: Float32[np.ndarray, "height width 3"], known: CameraState) -> CameraState:
-        images = (*known.images, _bytes(image)) if known.seen % KEPT_OF == 0 else known.images
+        images = (*known.images, as_bytes(image)) if known.seen % KEPT_OF == 0 else known.images
         if known.seen + 1 < self.config.background.warm_up:
             return CameraState(None, images, known.seen + 1)
         return CameraState(learnt(images, self.config.background))
@@ -263,7 +283,3 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None], config: CueConfi
 
 def _floats(image: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width 3"]:
     return image.astype(np.float32) / 255
-
-
-def _bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
-    return np.round(255 * image).astype(np.uint8)
