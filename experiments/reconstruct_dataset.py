@@ -48,7 +48,9 @@ def main(config: Config, run: Run) -> None:
             progress=lambda done, total, what: bar.update(task, completed=done, total=total),
         )
     if made.unusable:
-        Console(stderr=True).print(f"{len(made.unusable)} sequences left no clip: never seen whole by enough cameras")
+        Console(stderr=True).print(
+            f"{len(made.unusable)} sequences left no clip: no camera shows the whole object, or those that do disagree"
+        )
     results = {"folder": str(config.folder), "clips": made.counts, "unusable": list(made.unusable)}
     write_json(run.directory / "metrics.json", results)
     Console().print(f"{config.folder}: {made.counts}")
