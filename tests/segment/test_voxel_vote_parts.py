@@ -163,19 +163,33 @@ def test_what_an_object_hides_in_most_frames_is_learnt_from_the_others_and_conti
     covered = still.copy()
     covered[region.window] = 0.0
     known = learnt([bytes_of(covered)] * 5, CONFIG)
-    outline = outline_of(region, np.ones(still.shape[:2], np.float32))
-    assert outline is not None and outline_of(region, np.zeros(still.shape[:2], np.float32)) is None
-    images, outlines = [covered] * 4 + [still] * 2, [[outline]] * 4 + [[]] * 2
-    np.testing.assert_allclose(without_lingering(known, images, outlines).mean, still, atol=0.005)
-    mottled_gap = without_lingering(known, [covered] * 6, [[outline]] * 6).mean
-    np.testing.assert_array_equal(mottled_gap, known.mean)  # nobody knows what is behind
-    plain = np.full_like(still, 0.6)
-    covered = plain.copy()
-    covered[region.window] = 0.0
-    known = learnt([bytes_of(covered)] * 5, CONFIG)
-    np.testing.assert_allclose(without_lingering(known, [covered] * 6, [[outline]] * 6).mean, plain, atol=0.005)
-    untouched = without_lingering(known, images, [[]] * 6)
-    assert untouched is known
+    outline, elsewhere = outline_of(region), outline_of(Region((8, 8), np.ones((4, 4), bool)))
+    assert outline is not None and elsewhere is not None
+    images = [bytes_of(image) for image in [covered] * 4 + [still] * 2]
+    outlines = {0: [outline], 2: [outline], 4: [elsewhere], 5: [elsewhere]}  # frames 1 and 3 were not looked at
+    relearnt = without_lingering(known, images, outlines)
+    np.testing.assert_allclose(relearnt.mean, still, atol=0.005)
+    assert without_lingering(known, images, {}) is known
+
+
+def test_what_is_never_seen_is_continued_where_it_changes_and_doubted_by_the_surroundings_texture():
+    region, variances = Region((60, 50), np.ones((12, 20), bool)), []
+    outline = outline_of(region)
+    assert outline is not None
+    for still in (np.full((120, 160, 3), 0.6, np.float32), coloured(mottled(scale=8.0))):
+        shown = [still.copy() for _ in range(6)]
+        for number, image in enumerate(shown):
+            image[region.window] = 0.1 * (number % 2)
+        images = [bytes_of(image) for image in shown]
+        known = learnt(images[:1], CONFIG)
+        relearnt = without_lingering(known, images, {frame: [outline] for frame in range(6)})
+        np.testing.assert_allclose(relearnt.mean[:40], known.mean[:40])
+        variances.append(relearnt.variance[56, 70])
+        off = np.abs(relearnt.mean - still)[region.window].max()
+        assert off < (0.01 if still.std() < 0.01 else 0.05)
+        # What is the same in all frames may as well be there, and is left alone.
+        assert without_lingering(known, images[:1] * 6, {frame: [outline] for frame in range(6)}) is known
+    assert variances[1] > 2 * variances[0]
 
 
 def test_a_network_whose_cameras_look_apart_monitors_nothing():

@@ -89,15 +89,12 @@ def _covered(
     In a frame that was not looked at, and in one in which none was found, what they cover in the frames with one before
     and after it: where the background shows an object in its place, nothing differs, and it is there all the same.
     """
-    drawn = {frame: _drawn(each, shape) for frame, each in outlines.items() if each}
+    drawn = {frame: _drawn(each, shape) for frame, each in sorted(outlines.items()) if each}
     covered = np.zeros((count, *shape), bool)
     for frame in range(count):
-        nearest = {
-            max((f for f in drawn if f <= frame), default=None),
-            min((f for f in drawn if f >= frame), default=None),
-        }
-        for other in nearest - {None}:
-            covered[frame] |= drawn[other]
+        before, after = [f for f in drawn if f <= frame], [f for f in drawn if f >= frame]
+        for nearest in {*before[-1:], *after[:1]}:
+            covered[frame] |= drawn[nearest]
     return covered
 
 
