@@ -43,7 +43,8 @@ class Config:
     export: what to take along, into export/: ply and usd (Gaussians), csv and jsonl (track), coco (masks and boxes in
         the images), video (overlays and a mosaic), sapient (detection reports; the capture needs an origin).
     began: time of frame 0 in exports that need one, ISO 8601.
-    explain: also say which frames and Gaussians the answer stands on, in the report and in explanation.json.
+    explain: also say which frames and Gaussians the answer stands on, in the report and in explanation.json; not where
+        the object has no place.
     """
 
     preset: str
@@ -100,7 +101,7 @@ def main(config: Config, run: Run) -> None:
         )
     truth = capture.true_class(config.object)
     result = result_of(capture, clip)
-    explained = explanation(classifier, clip.seen, seed=config.seed) if config.explain else None
+    explained = explanation(classifier, clip.seen, seed=config.seed) if config.explain and clip.frames else None
     answer = _answer(clip, result, truth, classifier.card, explained)
     write_json(run.directory / "result.json", result)
     write_report(run.directory / "report.html", classification_report(capture, answer))
