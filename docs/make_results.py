@@ -29,6 +29,7 @@ from result_tables import (
     ranges,
     rotations,
     steps,
+    studies,
     tolerances,
     unknown,
     unknown_by_set,
@@ -93,7 +94,11 @@ def readme(text: str) -> str:
 def plots() -> dict[str, str]:
     """Plots of the figures, by their places in docs/."""
     found = load("measure_frames_small")
-    tables = {"steps": "compare_classifiers_steps", "networks": "compare_classifiers_baselines"}
+    tables = {
+        "steps": "compare_classifiers_steps",
+        "studies": "compare_classifiers_studies",
+        "networks": "compare_classifiers_baselines",
+    }
     drawn = {f"plots/{name}.svg": comparison_svg(load(table)["rows"]) for name, table in tables.items()}
     for model in found["models"]:
         every = temporal_plots(model["name"], model, found["classes"])
@@ -111,6 +116,7 @@ TABLES: dict[str, Callable[[], str]] = {
         ranges,
         features,
         steps,
+        studies,
         networks,
         ensembles,
         image_networks,

@@ -126,6 +126,11 @@ def on_hulls_and_refined() -> str:
     return _compared("compare_classifiers_reconstructors")
 
 
+def studies() -> str:
+    """MambaSplat-4D by its parts and sizes."""
+    return _compared("compare_classifiers_studies")
+
+
 def _compared(name: str) -> str:
     """Rows of a comparison, each with its difference from the row that it is held against."""
     rows = []
