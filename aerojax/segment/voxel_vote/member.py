@@ -165,7 +165,8 @@ class VoxelVoteSegmenter:
         """The first backgrounds without objects that stay, where all cameras recorded the same frames.
 
         Args:
-            known: with which objects are looked for, shadows among them: their places are learnt anew all the same.
+            known: with which objects are looked for. What looks like other light in them may be an object that they
+                show; below all cameras it is a shadow, whose place must keep its texture to be known as one.
             images: in the place and light of the first.
         """
         count = min(len(one) for one in images)
@@ -174,7 +175,7 @@ class VoxelVoteSegmenter:
         outlines: list[dict[int, list[np.ndarray]]] = [{} for _ in images]
         for frame in range(0, count, LOOKED_AT):
             moving = [self._steady(one[frame], k) for one, k in zip(images, known, strict=True)]
-            found = self._found(volume, moving)
+            found = [one for one in self._found(volume, moving) if not self._is_shadow(one, moving, volume)]
             for camera, kept in enumerate(outlines):
                 regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
                 kept[frame] = [hull for region in regions if (hull := outline_of(region)) is not None]
@@ -182,6 +183,12 @@ class VoxelVoteSegmenter:
             None if one is None else without_lingering(one, images, kept)
             for one, images, kept in zip(first, images, outlines, strict=True)
         )
+
+    def _is_shadow(self, one: Candidate, moving: Sequence[_Moving | None], volume: Volume) -> bool:
+        """Whether a place looks like other light and lies lower than all cameras do."""
+        poses = np.stack([camera.world_from_cam for camera in volume.cameras])
+        down = poses[:, :3, 1].mean(axis=0)
+        return bool(one.centre @ down > (poses[:, :3, 3] @ down).max()) and _is_light(one, moving, self.config.cue)
 
     def _steady(self, image: UInt8[np.ndarray, "height width 3"], known: Background | None) -> _Moving | None:
         """What moves in an image that lies where the background does."""
