@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import cycle
 from typing import get_args
 
 import jax
@@ -15,7 +16,7 @@ from aerojax.classify.mambasplat.model import MambaSplat
 
 TINY = {"channels": 4, "heads": 2, "head_dim": 2, "depth": 1, "d_model": 8, "mamba_layers": 1, "d_state": 2}
 TINY |= {"token_invariants": 4, "token_features": 4}
-PAIRS = list(zip(get_args(Mode), get_args(Bridge), strict=True))  # each mode and each bridge once
+PAIRS = list(zip(cycle(get_args(Mode)), get_args(Bridge), strict=False))  # each bridge once, each mode at least once
 
 
 def loss(model: MambaSplat) -> jax.Array:
