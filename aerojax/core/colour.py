@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+from jaxtyping import Float32, UInt8
+
 from aerojax.core.arrays import AnyArray, namespace
 
 
@@ -16,3 +19,13 @@ def linear_from_srgb(encoded: AnyArray) -> AnyArray:
     """Linear light of sRGB values, 0..1; the inverse of `srgb_from_linear`."""
     xp = namespace(encoded)
     return xp.where(encoded <= 0.04045, encoded / 12.92, ((xp.maximum(encoded, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def as_bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
+    """An sRGB image of 0..1 as 0..255."""
+    return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
+
+
+def as_floats(image: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width 3"]:
+    """An sRGB image of 0..255 as 0..1."""
+    return image.astype(np.float32) / 255

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Integer
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.core.colour import as_bytes, as_floats
 from aerojax.core.types import FrameSet, Silhouette
 from aerojax.segment.base import Preview, SegmenterConfig
 from aerojax.segment.silhouettes import silhouette_of
@@ -54,19 +55,15 @@ class Background:
         """The background after one more image: one in `period` is kept, and the period doubles when all are full."""
         if self.fixed or self.seen % self.period:
             return self if self.fixed else replace(self, seen=self.seen + 1)
-        images, period = (*self.images, _bytes(image)), self.period
+        images, period = (*self.images, as_bytes(image)), self.period
         if len(images) > PREVIEWED:
             images, period = images[::2], 2 * period
         still = _median(images) if len(images) >= FEWEST_IMAGES else None
         return Background(images, period, self.seen + 1, still)
 
 
-def _bytes(image: Float32[np.ndarray, "height width 3"]) -> Integer[np.ndarray, "height width 3"]:
-    return np.round(255 * image).astype(np.uint8)
-
-
 def _median(images: Sequence[Integer[np.ndarray, "height width 3"]]) -> Float32[np.ndarray, "height width 3"]:
-    return background([image.astype(np.float32) / 255 for image in images])
+    return background([as_floats(image) for image in images])
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,7 @@ class MotionSegmenter:
         for frames in preview(PREVIEWED, rgb=True, ids=False):
             for images, image in zip(seen, frames.rgb, strict=True):
                 if image is not None:
-                    images.append(_bytes(image))
+                    images.append(as_bytes(image))
         return tuple(Background(still=_median(i), fixed=True) if i else Background() for i in seen)
 
     def step(self, frames: FrameSet, state: tuple[Background, ...]) -> tuple[list[Silhouette], tuple[Background, ...]]:

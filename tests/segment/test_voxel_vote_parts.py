@@ -123,6 +123,15 @@ def test_voxels_hold_the_object_and_little_else(count):
         assert region.inside.sum() < 5 * weight.sum()
 
 
+@pytest.mark.parametrize("turn", [np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])])
+def test_below_is_lower_than_all_cameras_however_the_world_is_turned(turn):
+    cameras = tuple(replace(camera, world_from_cam=turn @ camera.world_from_cam) for camera in network(4))
+    volume, poses = monitored_volume(cameras, reach=20.0), np.stack([camera.world_from_cam for camera in cameras])
+    middle, down = poses[:, :3, 3].mean(axis=0), poses[:, :3, 1].mean(axis=0)
+    assert volume.is_below(middle + 50 * down)
+    assert not volume.is_below(middle) and not volume.is_below(middle - 50 * down)
+
+
 def test_what_one_camera_sees_is_no_voxel_nor_is_what_none_sees():
     cameras = network(4)
     volume = monitored_volume(cameras, reach=20.0)

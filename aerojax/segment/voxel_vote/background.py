@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from aerojax.core.colour import as_bytes
 from aerojax.segment.voxel_vote.mixture import Mixture, mixture_of
 from aerojax.segment.voxel_vote.registration import (
     LEAST_OFFSET,
@@ -207,11 +208,6 @@ def as_background(
 def grey(image: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width"]:
     """Luma of an sRGB image."""
     return cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-
-
-def as_bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
-    """An sRGB image as 0..255."""
-    return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 
 def largest_channel(image: Float32[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width"]:

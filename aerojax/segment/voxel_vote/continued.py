@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
+from aerojax.core.colour import as_bytes, as_floats
 from aerojax.segment.voxel_vote.background import GREATEST_DEVIATION
 
 GUESSED = 0.02
@@ -62,7 +63,7 @@ def _inpainted(
 ) -> Float32[np.ndarray, "rows columns 3"]:
     scale = max(1.0, max(gap.shape) / (3 * GAP_PX))
     size = max(1, round(gap.shape[1] / scale)), max(1, round(gap.shape[0] / scale))
-    image = cv2.resize(np.round(255 * np.clip(mean, 0, 1)).astype(np.uint8), size, interpolation=cv2.INTER_AREA)
+    image = cv2.resize(as_bytes(mean), size, interpolation=cv2.INTER_AREA)
     hole = (cv2.resize(gap.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0).astype(np.uint8)
-    filled = cv2.inpaint(image, hole, REACH_PX, cv2.INPAINT_TELEA).astype(np.float32) / 255
+    filled = as_floats(cv2.inpaint(image, hole, REACH_PX, cv2.INPAINT_TELEA))
     return cv2.resize(filled, gap.shape[::-1])

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from aerojax.capture.format import CaptureCamera
+from aerojax.core.colour import as_bytes, as_floats
 from aerojax.core.types import FrameSet, Silhouette
 from aerojax.segment.base import Preview, SegmenterConfig
 from aerojax.segment.silhouettes import silhouette_of
@@ -19,7 +20,6 @@ from aerojax.segment.voxel_vote.background import (
     BackgroundConfig,
     Difference,
     after,
-    as_bytes,
     difference_at,
     difference_of,
     followed,
@@ -175,7 +175,11 @@ class VoxelVoteSegmenter:
         outlines: list[dict[int, list[np.ndarray]]] = [{} for _ in images]
         for frame in range(0, count, LOOKED_AT):
             moving = [self._steady(one[frame], k) for one, k in zip(images, known, strict=True)]
-            found = [one for one in self._found(volume, moving) if not self._is_shadow(one, moving, volume)]
+            found = [
+                one
+                for one in self._found(volume, moving)
+                if not (volume.is_below(one.centre) and _is_light(one, moving, self.config.cue))
+            ]
             for camera, kept in enumerate(outlines):
                 regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
                 kept[frame] = [hull for region in regions if (hull := outline_of(region)) is not None]
@@ -184,17 +188,11 @@ class VoxelVoteSegmenter:
             for one, images, kept in zip(first, images, outlines, strict=True)
         )
 
-    def _is_shadow(self, one: Candidate, moving: Sequence[_Moving | None], volume: Volume) -> bool:
-        """Whether a place looks like other light and lies lower than all cameras do."""
-        poses = np.stack([camera.world_from_cam for camera in volume.cameras])
-        down = poses[:, :3, 1].mean(axis=0)
-        return bool(one.centre @ down > (poses[:, :3, 3] @ down).max()) and _is_light(one, moving, self.config.cue)
-
     def _steady(self, image: UInt8[np.ndarray, "height width 3"], known: Background | None) -> _Moving | None:
         """What moves in an image that lies where the background does."""
         if known is None:
             return None
-        floats = _floats(image)
+        floats = as_floats(image)
         seen = difference_at(STILL, floats, known, self.config.background)
         return _Moving(floats, seen, motion_weight(floats, seen, self.config.cue))
 
@@ -286,7 +284,3 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None], config: CueConfi
     said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in pairs]
     said = [unlike for unlike in said if unlike is not None]
     return bool(said) and float(np.quantile(said, SAYING)) < UNLIKE
-
-
-def _floats(image: UInt8[np.ndarray, "height width 3"]) -> Float32[np.ndarray, "height width 3"]:
-    return image.astype(np.float32) / 255

@@ -12,11 +12,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from aerojax.core.colour import as_bytes, as_floats
 from aerojax.segment.voxel_vote.background import (
     Background,
     BackgroundConfig,
     as_background,
-    as_bytes,
     difference_of,
     grey,
     learnt,
@@ -42,7 +42,7 @@ def previewed(images: Sequence[Bytes], config: BackgroundConfig) -> tuple[Backgr
     first = learnt(images, replace(config, model="running"))
     steady = []
     for image in images:
-        seen = image.astype(np.float32) / 255
+        seen = as_floats(image)
         steady.append(as_bytes(as_background(seen, difference_of(seen, first, config), first)))
     return _usual(learnt(steady, config), first), steady
 

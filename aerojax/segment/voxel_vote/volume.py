@@ -50,6 +50,12 @@ class Volume:
     centres: Float64[np.ndarray, "cube 3"]
     half: float
 
+    def is_below(self, place: Float64[np.ndarray, "3"]) -> bool:
+        """Whether a place lies lower than all cameras do; down is what is down in their images, on average."""
+        poses = np.stack([camera.world_from_cam for camera in self.cameras])
+        down = poses[:, :3, 1].mean(axis=0)
+        return bool(place @ down > (poses[:, :3, 3] @ down).max())
+
 
 def seen_by(camera: CaptureCamera, centres: Float64[np.ndarray, "place 3"], nearest: float = 0.0) -> Seen:
     """Where a camera sees these places (metres, frame of the cameras)."""
