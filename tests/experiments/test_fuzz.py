@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 
 import jax
@@ -21,11 +22,12 @@ FEW = 8
 @pytest.fixture(autouse=True)
 def _no_caches(monkeypatch):
     """A compiled program or module that is kept on disk would pass for a file that a reader wrote."""
-    kept = jax.config.jax_compilation_cache_dir
-    jax.config.update("jax_compilation_cache_dir", None)
+    kept = jax.config.jax_persistent_cache_min_compile_time_secs
+    # Not the folder: once a program was compiled, a cache is open that its change does not close.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", math.inf)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     yield
-    jax.config.update("jax_compilation_cache_dir", kept)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", kept)
 
 
 @pytest.mark.parametrize("name", QUICK)
