@@ -72,16 +72,16 @@ class FolderConfig(SourceConfig):
                 raise UserError(
                     "mismatch", problem, "write a pattern with {frame}, or choose another member of sources"
                 )
-            frame_numbers(camera.rgb)
-        return GrowingFolder(self, site)
+        return GrowingFolder(self, site, tuple(_last_number(folder, camera.rgb) for camera in site.cameras))
 
 
 @dataclass(frozen=True)
 class GrowingFolder:
-    """Watches a folder."""
+    """Watches a folder. backlog: number of each camera's last file when it was built; -1 where there was none."""
 
     config: FolderConfig
     site: Capture
+    backlog: tuple[int, ...]
 
     @property
     def numbered(self) -> bool:
@@ -94,7 +94,7 @@ class GrowingFolder:
 
     def run(self, intake: Intake, since: Mapping[int, int], stop: threading.Event) -> None:
         """Put pictures as their files are complete, camera by camera in turn."""
-        files = [_Files(self.site, index, self.config, since.get(index)) for index in range(len(self.site.cameras))]
+        files = [_Files(self, index, since.get(index)) for index in range(len(self.site.cameras))]
         failures = 0
         while not stop.is_set():
             try:
@@ -114,7 +114,7 @@ class GrowingFolder:
         number = files.ready()
         if number is None:
             return False
-        waits = self.config.drop == "never" or number <= files.backlog
+        waits = self.config.drop == "never" or number <= self.backlog[camera]
         if waits and not intake.has_room(camera):
             return False
         files.put(number)
@@ -137,10 +137,18 @@ class GrowingFolder:
         return Picture(camera, time_s, number, partial(read_view, alone, 0, number, rgb=True, ids=True))
 
 
-class _Files:
-    """One camera's files in the order of their numbers. last: that was put. backlog: the last that lay there first."""
+def _last_number(folder: Path, pattern: str) -> int:
+    """The highest number of the files of a pattern; -1 where there is none, or no folder yet."""
+    number_of, parent = frame_numbers(pattern), (folder / pattern).parent
+    names = [entry.name for entry in parent.iterdir()] if parent.is_dir() else []
+    return max((one for one in map(number_of, names) if one is not None), default=-1)
 
-    def __init__(self, site: Capture, camera: int, config: FolderConfig, since: int | None) -> None:
+
+class _Files:
+    """One camera's files in the order of their numbers. last: that was put."""
+
+    def __init__(self, source: GrowingFolder, camera: int, since: int | None) -> None:
+        site, config = source.site, source.config
         one = site.cameras[camera]
         self._root, self._rgb, self._mask = site.folder, one.rgb, one.mask
         self._consecutive, self._settle_s = config.stamps_per_s is None, config.settle_s
@@ -149,10 +157,7 @@ class _Files:
         self._sizes: dict[Path, tuple[int, float]] = {}
         self._gap: tuple[int, float] | None = None
         self._listed, self._numbers = -1, deque[int]()
-        self.last = -1
-        self._list()
-        self.backlog = max(self._numbers, default=-1)
-        self.last = since if since is not None else -1 if config.backlog else self.backlog
+        self.last = since if since is not None else -1 if config.backlog else source.backlog[camera]
 
     def ready(self) -> int | None:
         """The number of the next file that is complete, with its mask; None where there is none yet."""
