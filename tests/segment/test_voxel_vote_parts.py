@@ -21,6 +21,7 @@ from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_back
 from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.registration import STILL, offset_of
 from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, without
+from aerojax.segment.voxel_vote.sky import open_sky
 from aerojax.segment.voxel_vote.volume import monitored_volume
 from aerojax.segment.voxel_vote.vote import VoteConfig, needed_views, vote
 
@@ -139,6 +140,33 @@ def test_what_one_camera_sees_is_no_voxel_nor_is_what_none_sees():
     alone = [mask_of(cameras[0], position_at(7)).astype(np.float32), blank, blank, blank]
     for weights in (alone, [blank] * 4, [None] * 4, [np.ones_like(blank), None, None, None]):
         assert len(vote(volume, weights, VoteConfig()).half) == 0
+
+
+@pytest.mark.parametrize(("sky", "found"), [("voters", True), ("all", False), ("others", False), ("none", False)])
+def test_cameras_that_see_no_sky_there_may_be_hidden_from_it(sky, found):
+    cameras, centre = network(5), position_at(7)
+    volume = monitored_volume(cameras, reach=20.0)
+    masks = [mask_of(camera, centre).astype(np.float32) for camera in cameras]
+    weights = [mask if index < 3 else np.zeros_like(mask) for index, mask in enumerate(masks)]
+    open_to = {"voters": range(3), "others": range(3, 5), "all": range(5), "none": ()}[sky]
+    skies = [np.full((cameras[0].height // 4, cameras[0].width // 4), index in open_to) for index in range(5)]
+    voxels = vote(volume, weights, VoteConfig(), skies)
+    (candidate,) = candidates(voxels, cameras, weights, VoteConfig()) or [None]
+    assert (candidate is not None) == found
+    if candidate is not None:
+        assert candidate.votes == candidate.watched == 3 and candidate.clear
+        np.testing.assert_allclose(candidate.centre, centre, atol=0.08)
+    assert len(vote(volume, weights, VoteConfig()).half) == 0
+
+
+def test_sky_is_what_is_brighter_than_all_trees_and_everything_where_there_is_no_contrast():
+    sky, trees = np.full((6, 8), 0.7, np.float32), np.full((6, 8), 0.2, np.float32)
+    half = np.concatenate([sky[:3], trees[:3]])
+    for grey, is_sky in zip((sky, None, trees, half), open_sky((sky, None, trees, half)), strict=True):
+        assert (is_sky is None) if grey is None else (is_sky == (grey > 0.5)).all()
+    for greys in ((sky, sky - np.float32(0.1)), (trees,)):
+        assert all(one is not None and one.all() for one in open_sky(greys))
+    assert open_sky((None,)) == (None,)
 
 
 def test_crossing_rays_of_two_objects_are_no_third():

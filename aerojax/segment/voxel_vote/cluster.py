@@ -81,7 +81,7 @@ def candidates(
             None if w is None else region_of(group, camera) for w, camera in zip(weights, cameras, strict=True)
         )
         own = sum(_is_own(r, w, c, config.least_px) for r, w, c in zip(regions, weights, claimed, strict=True))
-        watched = int(group.seen.any(axis=1).sum())
+        watched = _watched(group, config)
         needed = int(needed_views(np.array([watched]), config)[0])
         if own < max(min(2, watched), needed - 1):
             continue
@@ -141,6 +141,12 @@ def _cores(group: Voxels, config: VoteConfig) -> list[Voxels]:
     agreeing = (group.votes >= config.least_px).sum(axis=0)
     core = group[agreeing >= agreeing.max() - 1]
     return [group] if len(core.half) == len(group.half) else [core[members] for members in _groups(core)]
+
+
+def _watched(group: Voxels, config: VoteConfig) -> int:
+    """Cameras that would show it, where most of them agree."""
+    agreeing = (group.votes >= config.least_px).sum(axis=0)
+    return int(group.seen[:, agreeing == agreeing.max()].any(axis=1).sum())
 
 
 def _rank(group: Voxels) -> tuple[int, float]:

@@ -32,6 +32,7 @@ from aerojax.segment.voxel_vote.objects import Known, ObjectsConfig, linked
 from aerojax.segment.voxel_vote.previewed import previewed
 from aerojax.segment.voxel_vote.registration import STILL
 from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, widened, without
+from aerojax.segment.voxel_vote.sky import Sky, is_before, open_sky
 from aerojax.segment.voxel_vote.volume import Volume, monitored_volume
 from aerojax.segment.voxel_vote.vote import VoteConfig, vote
 
@@ -134,10 +135,11 @@ class VoxelVoteSegmenter:
         """Silhouettes of all objects that are believed, best known first, and the next state."""
         config = self.config
         moving = [self._moving(image, one) for image, one in zip(frames.rgb, state.cameras, strict=True)]
-        found = self._found(state.volume, moving)
+        sky = _sky([one.background for one in state.cameras])
+        found = self._found(state.volume, moving, sky)
         changing, light = (
             [_changes(one, moving) for one in found],
-            [_is_light(one, moving, self.config.cue) for one in found],
+            [_is_light(one, moving, sky, self.config.cue) for one in found],
         )
         now, lost = linked(state.objects, found, changing, light, frames.time_s, state.numbers, config.objects)
         numbers = max([state.numbers, *(one.number for one in now)])
@@ -173,12 +175,13 @@ class VoxelVoteSegmenter:
         if max(len(one) for one in images) > count or not count:
             return known
         outlines: list[dict[int, list[np.ndarray]]] = [{} for _ in images]
+        sky = _sky(known)
         for frame in range(0, count, LOOKED_AT):
             moving = [self._steady(one[frame], k) for one, k in zip(images, known, strict=True)]
             found = [
                 one
-                for one in self._found(volume, moving)
-                if not (volume.is_below(one.centre) and _is_light(one, moving, self.config.cue))
+                for one in self._found(volume, moving, sky)
+                if not (volume.is_below(one.centre) and _is_light(one, moving, sky, self.config.cue))
             ]
             for camera, kept in enumerate(outlines):
                 regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
@@ -196,10 +199,10 @@ class VoxelVoteSegmenter:
         seen = difference_at(STILL, floats, known, self.config.background)
         return _Moving(floats, seen, motion_weight(floats, seen, self.config.cue))
 
-    def _found(self, volume: Volume, moving: Sequence[_Moving | None]) -> list[Candidate]:
+    def _found(self, volume: Volume, moving: Sequence[_Moving | None], sky: Sequence[Sky | None]) -> list[Candidate]:
         """What moves at one place, shadows with it."""
         weights, config = [None if one is None else one.weight for one in moving], self.config.vote
-        return candidates(vote(volume, weights, config), volume.cameras, weights, config)
+        return candidates(vote(volume, weights, config, sky), volume.cameras, weights, config)
 
     def _moving(self, image: Float32[np.ndarray, "height width 3"] | None, known: CameraState) -> _Moving | None:
         if image is None or known.background is None:
@@ -275,12 +278,18 @@ def _changes(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
     return sum(changed) >= 2
 
 
-def _is_light(one: Candidate, moving: Sequence[_Moving | None], config: CueConfig) -> bool:
+def _sky(backgrounds: Sequence[Background | None]) -> tuple[Sky | None, ...]:
+    return open_sky([None if one is None else one.grey for one in backgrounds])
+
+
+def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sky | None], config: CueConfig) -> bool:
     """Whether cameras see the background itself there, in other light: a cast shadow meets on the ground.
 
     Not most of them have to say so: where they look flat along the ground, little of a shadow is left but its rim.
+    Nothing casts a shadow on the sky, so a camera that sees it there does not say so.
     """
-    pairs = [(r, cue) for r, cue in zip(one.regions, moving, strict=True) if r is not None and cue is not None]
-    said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in pairs]
+    seen = [(r, m, s) for r, m, s in zip(one.regions, moving, sky, strict=True) if r is not None and m is not None]
+    on_something = [(r, m) for r, m, s in seen if s is None or not is_before(r, s, m.weight.shape)]
+    said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in on_something]
     said = [unlike for unlike in said if unlike is not None]
     return bool(said) and float(np.quantile(said, SAYING)) < UNLIKE

@@ -52,7 +52,8 @@ class VoteConfig:
 class Voxels:
     """Cubes that enough cameras vote for.
 
-    centres, half: metres, in the frame of the cameras. votes: weight of each camera, pixels. seen: by which cameras.
+    centres, half: metres, in the frame of the cameras. votes: weight of each camera, pixels. seen: by which cameras, or
+    by which that would show an object there where no others must agree.
     """
 
     centres: Float64[np.ndarray, "voxel 3"]
@@ -72,23 +73,31 @@ def needed_views(seen: Int[np.ndarray, "place"], config: VoteConfig) -> Int[np.n
     return np.maximum(np.minimum(seen, FEWEST_VIEWS), np.ceil(SHARE * seen - 1e-9).astype(seen.dtype))
 
 
-def vote(volume: Volume, weights: Sequence[Float32[np.ndarray, "_ _"] | None], config: VoteConfig) -> Voxels:
-    """The smallest voxels on which enough cameras agree.
+def vote(
+    volume: Volume,
+    weights: Sequence[Float32[np.ndarray, "_ _"] | None],
+    config: VoteConfig,
+    sky: Sequence[Bool[np.ndarray, "_ _"] | None] = (),
+) -> Voxels:
+    """The smallest voxels on which enough cameras agree, of all that see them or of those that see sky there.
 
     Args:
         weights: of each camera's pixels, 0..1; None for a camera that recorded nothing.
+        sky: where each camera's background hides nothing, in images of any size; empty if that is not known.
     """
     sums = [None if weight is None else _sums(weight) for weight in weights]
+    open_to = sky or [None] * len(sums)
+    skies = [None if one is None else _sky_sums(one, c) for one, c in zip(open_to, volume.cameras, strict=True)]
     fewest = min(FEWEST_VIEWS, sum(one is not None for one in sums))
     # One camera, or none, has nothing to agree with.
     centres, half = volume.centres if fewest > 1 else volume.centres[:0], volume.half
     leaves: list[Voxels] = []
     for _ in range(MOST_LEVELS):
-        found, leaf, solid = _polled(volume, sums, centres, half, config)
-        inner = _agreed(found, config, fewest)
-        kept, leaf, solid = found[inner], leaf[inner], solid[inner]
-        leaves.append(kept[leaf | solid])
-        centres = _strongest(kept[~(leaf | solid)], config.most_voxels // 8).centres
+        poll = _polled(volume, sums, skies, centres, half, config)
+        found, inner = _agreed(poll, config, fewest, any(one is not None for one in skies))
+        kept, ends = found[inner], (poll.leaf | poll.solid)[inner]
+        leaves.append(kept[ends])
+        centres = _strongest(kept[~ends], config.most_voxels // 8).centres
         if not len(centres):
             break
         half /= 2
@@ -118,14 +127,35 @@ def _sums(weight: Float32[np.ndarray, "height width"]) -> _Sums:
     return _Sums(cv2.integral(cv2.resize(weight, size, interpolation=cv2.INTER_AREA)) * block.prod(), block)
 
 
+def _sky_sums(sky: Bool[np.ndarray, "rows columns"], camera: CaptureCamera) -> _Sums:
+    """Of an image that may be smaller than the camera's: pixels of sky."""
+    block = np.array([camera.width, camera.height]) / sky.shape[::-1]
+    return _Sums(cv2.integral(sky.astype(np.float32)) * block.prod(), block)
+
+
+@dataclass(frozen=True, eq=False)
+class _Poll:
+    """What the cameras say of cubes of one size.
+
+    voxels: with all cameras that see them. under_sky: cameras that see nothing but sky behind them, or most of all
+    where they are smallest. leaf: which are small enough. solid: which lie inside of an object.
+    """
+
+    voxels: Voxels
+    under_sky: Bool[np.ndarray, "camera voxel"]
+    leaf: Bool[np.ndarray, "voxel"]
+    solid: Bool[np.ndarray, "voxel"]
+
+
 def _polled(
     volume: Volume,
     sums: Sequence[_Sums | None],
+    skies: Sequence[_Sums | None],
     centres: Float64[np.ndarray, "voxel 3"],
     half: float,
     config: VoteConfig,
-) -> tuple[Voxels, Bool[np.ndarray, "voxel"], Bool[np.ndarray, "voxel"]]:
-    """The cameras' votes for cubes of one size, which of these are small enough, and which are solid.
+) -> _Poll:
+    """The cameras' votes for cubes of one size.
 
     A large cube's projection is the square around its bounding sphere's and its cameras are those that see all of it,
     so that no part of it could do better. A leaf's is the square around a ball a little larger than the cube's own, so
@@ -141,8 +171,8 @@ def _polled(
     leaf = 2 * half * scales.sum(axis=0) / watched <= leaf_px
     radius = half * np.where(leaf, LEAF_RADIUS, np.sqrt(3))
     votes, views = np.zeros((len(cameras), len(centres))), np.zeros((len(cameras), len(centres)), bool)
-    full = np.zeros(len(centres), int)
-    for index, (one, camera, total) in enumerate(zip(seen, cameras, sums, strict=True)):
+    full, under_sky = np.zeros(len(centres), int), views.copy()
+    for index, (one, camera, total, sky) in enumerate(zip(seen, cameras, sums, skies, strict=True)):
         if total is None:
             continue
         reach = radius * one.per_metre
@@ -150,8 +180,12 @@ def _polled(
         views[index] = one.near_image(camera, np.where(leaf, 0.0, -reach))
         votes[index] *= one.near_image(camera, reach)
         full += views[index] & (votes[index] >= SOLID * area)
+        if sky is not None:
+            clear, around_it = _weight_in(sky, one.pixels, reach)
+            under_sky[index] = views[index] & (clear >= np.where(leaf, 0.5, 1 - 1e-6) * around_it)
     voxels = Voxels(centres, np.full(len(centres), half), votes, views)
-    return voxels, leaf, full >= np.maximum(needed_views(views.sum(axis=0), config), 2)
+    solid = full >= np.maximum(needed_views(views.sum(axis=0), config), 2)
+    return _Poll(voxels, under_sky, leaf, solid)
 
 
 def _weight_in(
@@ -167,9 +201,20 @@ def _weight_in(
     return weight + flat[rows_low + low[:, 0]], np.prod(high - low, axis=1) * sums.block.prod()
 
 
-def _agreed(voxels: Voxels, config: VoteConfig, fewest: int) -> Bool[np.ndarray, "voxel"]:
-    needed = np.maximum(needed_views(voxels.seen.sum(axis=0), config), config.views or fewest)
-    return (voxels.votes >= config.least_px).sum(axis=0) >= needed
+def _agreed(poll: _Poll, config: VoteConfig, fewest: int, sky_known: bool) -> tuple[Voxels, Bool[np.ndarray, "voxel"]]:
+    """The cubes, and on which enough cameras agree: of those that see one, or of those before whose sky it lies.
+
+    Trees may hide an object from the others. Before a sky three at least must agree, and nothing else counts: leaves
+    that move are seen before leaves.
+    """
+    voxels, seen = poll.voxels, poll.voxels.seen
+    agree = voxels.votes >= config.least_px
+    enough = agree.sum(axis=0) >= np.maximum(needed_views(seen.sum(axis=0), config), config.views or fewest)
+    clear = agree & (poll.under_sky | ~poll.leaf)
+    needed = np.maximum(needed_views(poll.under_sky.sum(axis=0), config), FEWEST_VIEWS)
+    before_sky = (clear.sum(axis=0) >= needed) & ~enough & sky_known
+    counted = np.where(before_sky & poll.leaf, poll.under_sky | agree, seen)
+    return Voxels(voxels.centres, voxels.half, voxels.votes, counted), enough | before_sky
 
 
 def _strongest(voxels: Voxels, most: int) -> Voxels:
