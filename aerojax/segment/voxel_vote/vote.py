@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int
 
+from aerojax.capture.format import CaptureCamera
 from aerojax.segment.voxel_vote.volume import FEWEST_VIEWS, Volume, seen_by
 
 SHARE = 0.7
