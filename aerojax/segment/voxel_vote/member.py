@@ -286,10 +286,14 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sk
     """Whether cameras see the background itself there, in other light: a cast shadow meets on the ground.
 
     Not most of them have to say so: where they look flat along the ground, little of a shadow is left but its rim.
-    Nothing casts a shadow on the sky, so a camera that sees it there does not say so.
+    Nothing casts a shadow on the sky. What moves before it in two images is none, whatever leaves do in the others.
     """
     seen = [(r, m, s) for r, m, s in zip(one.regions, moving, sky, strict=True) if r is not None and m is not None]
-    on_something = [(r, m) for r, m, s in seen if s is None or not is_before(r, s, m.weight.shape)]
+    before_sky = [s is not None and is_before(region, s, cue.weight.shape) for region, cue, s in seen]
+    moves = [float((cue.weight[region.window] * region.inside).sum()) >= FEWEST_CHANGED for region, cue, _ in seen]
+    if np.count_nonzero(np.logical_and(before_sky, moves)) >= 2:
+        return False
+    on_something = [pair[:2] for pair, beside in zip(seen, before_sky, strict=True) if not beside]
     said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in on_something]
     said = [unlike for unlike in said if unlike is not None]
     return bool(said) and float(np.quantile(said, SAYING)) < UNLIKE
