@@ -76,6 +76,18 @@ def test_what_moves_less_than_its_length_is_found_whole_before_a_plain_sky():
     assert figures["median_iou"] > 0.8 and figures["missed"] < 0.1 and figures["ghosts_in_100"] == 0
 
 
+def test_trees_before_two_of_five_cameras_hide_nothing_from_the_others():
+    figures, _, silhouettes = found_in(Scene((DARK,), cameras=5, trees=(1, 3)))
+    print(figures)
+    assert figures["median_iou"] > 0.85 and figures["missed"] < 0.1 and figures["ghosts_in_100"] == 0
+    assert all({0, 2, 4} <= {one.camera for one in found} for found in silhouettes[1:])
+
+
+def test_trees_that_wave_before_three_cameras_are_nothing():
+    _, _, silhouettes = found_in(Scene((), cameras=5, trees=(0, 1, 2)))
+    assert not any(silhouettes)
+
+
 def test_what_hovers_before_texture_and_clutter_makes_no_ghosts():
     bright = replace(hovering(-0.5), colour=ORANGE.colour)
     figures, _, _ = found_in(with_clutter(Scene((bright,), cameras=4)), range(10))

@@ -31,13 +31,14 @@ class Flyer:
 
 @dataclass(frozen=True)
 class Scene:
-    """Cameras on a circle of 12 m, objects, clutter, and what all of it is drawn from."""
+    """Cameras on a circle of 12 m, objects, clutter, cameras that see waving trees alone, and what it is drawn from."""
 
     flyers: tuple[Flyer, ...]
     cameras: int = 4
     size: tuple[int, int] = (320, 240)
     focal: float = 300.0
     clutter: ClutterConfig = CALM
+    trees: tuple[int, ...] = ()
     seed: int = 0
 
     def network(self) -> tuple[CaptureCamera, ...]:
@@ -64,8 +65,10 @@ class Scene:
         ]
         for frame in frames:
             images, truth = [], []
-            for camera, ray, still, moving in zip(cameras, rays, stills, clutter, strict=True):
+            for index, (camera, ray, still, moving) in enumerate(zip(cameras, rays, stills, clutter, strict=True)):
                 image, ids, coverage = self._drawn(camera, ray, still, frame)
+                if index in self.trees:
+                    image, ids, coverage = _canopy(self.size, seed_of(self.seed, index), frame), 0 * ids, 0 * coverage
                 image, ids = moving.seen(image, coverage, frame)[0], moving.ids(ids, frame)
                 images.append(image)
                 truth.append(ids)
@@ -126,6 +129,15 @@ def _background(camera: CaptureCamera, rays: np.ndarray, seed: int) -> np.ndarra
     up = rays[..., 2] / np.linalg.norm(rays, axis=-1)
     sky = np.stack([0.75 - 0.5 * up, 0.82 - 0.35 * up, 0.95 - 0.2 * up], axis=-1).astype(np.float32)
     return np.clip(np.where(up[..., None] > 0, sky, ground), 0, 1).astype(np.float32)
+
+
+def _canopy(size: tuple[int, int], seed: int, frame: int) -> np.ndarray:
+    """Dark leaves of six pixels, each of which hangs one way or the other in every frame."""
+    shape = size[1] // 6, size[0] // 6
+    shades = np.random.default_rng(seed).uniform(0.1, 0.25, size=(2, *shape))
+    side = np.random.default_rng(seed_of(seed, frame)).integers(0, 2, size=shape)
+    grey = cv2.resize(np.take_along_axis(shades, side[None], 0)[0].astype(np.float32), size)
+    return grey[..., None] * np.array([0.7, 1.0, 0.5], np.float32)
 
 
 def circling(radius: float = 2.0, *, rate: float = 0.06, height: float = 0.5, phase: float = 0.0):
