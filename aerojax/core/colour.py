@@ -21,8 +21,8 @@ def linear_from_srgb(encoded: AnyArray) -> AnyArray:
     return xp.where(encoded <= 0.04045, encoded / 12.92, ((xp.maximum(encoded, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
-def as_bytes(image: Float32[np.ndarray, "height width 3"]) -> UInt8[np.ndarray, "height width 3"]:
-    """An sRGB image of 0..1 as 0..255."""
+def as_bytes(image: Float32[np.ndarray, "height width *channel"]) -> UInt8[np.ndarray, "height width *channel"]:
+    """An sRGB image of 0..1, in colours or grey, as 0..255."""
     return np.round(255 * np.clip(image, 0, 1)).astype(np.uint8)
 
 

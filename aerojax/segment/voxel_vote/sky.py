@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from aerojax.core.colour import as_bytes
 from aerojax.segment.voxel_vote.cluster import Region
 
 Sky = Bool[np.ndarray, "rows columns"]
@@ -20,9 +21,7 @@ LEAST_CONTRAST = 0.15
 """Between the mean brightness of sky and of the rest, grey; where it is less no sky is told from anything."""
 
 
-def open_sky(
-    greys: Sequence[Float32[np.ndarray, "rows columns"] | None],
-) -> tuple[Sky | None, ...]:
+def open_sky(greys: Sequence[Float32[np.ndarray, "_ _"] | None]) -> tuple[Sky | None, ...]:
     """Pixels of all cameras that are brighter than one threshold, which parts sky from canopy best (Otsu 1979).
 
     One threshold for all: a camera may see trees alone.
@@ -33,7 +32,7 @@ def open_sky(
     Returns:
         All True where there is no contrast, so that every camera that sees a place speaks.
     """
-    known = [np.round(255 * np.clip(one, 0, 1)).astype(np.uint8) for one in greys if one is not None]
+    known = [as_bytes(one) for one in greys if one is not None]
     if not known:
         return tuple(None for _ in greys)
     values = np.concatenate([one.ravel() for one in known])[None]

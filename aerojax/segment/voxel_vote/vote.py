@@ -35,7 +35,8 @@ _CHILDREN = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 
 class VoteConfig:
     """What a consensus is.
 
-    views: cameras that must agree; 0 takes `SHARE` of those that see the place, at least three where there are three.
+    views: cameras that must agree; 0 takes `SHARE` of those that see the place, or see sky there, at least three where
+        there are three.
     least_px: weight of a camera's vote, pixels.
     leaf_px: side of the smallest voxels, pixels; in wide images a `LEAVES`th of the width if that is more.
     reach: see `monitored_volume`.
@@ -53,8 +54,8 @@ class VoteConfig:
 class Voxels:
     """Cubes that enough cameras vote for.
 
-    centres, half: metres, in the frame of the cameras. votes: weight of each camera, pixels. seen: by which cameras, or
-    by which that would show an object there where no others must agree.
+    centres, half: metres, in the frame of the cameras. votes: weight of each camera, pixels. seen: by which cameras;
+    where those before whose sky it lies decide alone, by these and by those that vote.
     """
 
     centres: Float64[np.ndarray, "voxel 3"]
