@@ -6,7 +6,7 @@ import os
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -140,8 +140,12 @@ class GrowingFolder:
 def _last_number(folder: Path, pattern: str) -> int:
     """The highest number of the files of a pattern; -1 where there is none, or no folder yet."""
     number_of, parent = frame_numbers(pattern), (folder / pattern).parent
-    names = [entry.name for entry in parent.iterdir()] if parent.is_dir() else []
-    return max((one for one in map(number_of, names) if one is not None), default=-1)
+    return max(_numbers(parent, number_of), default=-1) if parent.is_dir() else -1
+
+
+def _numbers(folder: Path, number_of: Callable[[str], int | None]) -> Iterator[int]:
+    """Of a folder's files those whose names have one."""
+    return (one for entry in folder.iterdir() if (one := number_of(entry.name)) is not None)
 
 
 class _Files:
@@ -205,8 +209,7 @@ class _Files:
         if changed == self._listed:
             return
         begun = time.time_ns()
-        numbers = (self._number_of(name) for name in (entry.name for entry in self._folder.iterdir()))
-        self._numbers = deque(sorted(one for one in numbers if one is not None and one > self.last))
+        self._numbers = deque(sorted(one for one in _numbers(self._folder, self._number_of) if one > self.last))
         # What comes within the clock's grain would not change the stamp.
         self._listed = changed if begun - changed > _GRAIN_NS else -1
 
