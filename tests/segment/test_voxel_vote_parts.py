@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from support.networks import mask_of, network, position_at
 
+from aerojax.segment.silhouettes import silhouette_of
+from aerojax.segment.voxel_vote.agreement import uncontradicted
 from aerojax.segment.voxel_vote.background import (
     EVERY,
     BackgroundConfig,
@@ -167,6 +169,22 @@ def test_sky_is_what_is_brighter_than_all_trees_and_everything_where_there_is_no
     for greys in ((sky, sky - np.float32(0.1)), (trees,)):
         assert all(one is not None and one.all() for one in open_sky(greys))
     assert open_sky((None,)) == (None,)
+
+
+@pytest.mark.parametrize(
+    ("clear", "shift", "kept"),
+    [((0, 1, 2), 0, [0, 1, 2, 3, 4]), ((0, 1, 2), 25, [0, 1, 2, 3]), ((0, 1), 25, [0, 1, 2, 3, 4])],
+)
+def test_a_mask_before_trees_counts_if_the_hull_of_those_before_the_sky_agrees(clear, shift, kept):
+    cameras, centre = network(5), position_at(7)
+    coverages = [mask_of(camera, centre).astype(np.float32) for camera in cameras]
+    found = candidates(
+        vote(monitored_volume(cameras, reach=20.0), coverages, VoteConfig()), cameras, coverages, VoteConfig()
+    )
+    coverages[4] = np.roll(coverages[4], shift, axis=1)
+    masks = [silhouette_of(index, 1, coverage) for index, coverage in enumerate(coverages)]
+    left = uncontradicted(found[0], masks, [index in clear for index in range(5)], cameras)
+    assert [one.camera for one in left] == kept
 
 
 def test_crossing_rays_of_two_objects_are_no_third():

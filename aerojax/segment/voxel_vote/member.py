@@ -14,6 +14,7 @@ from aerojax.core.colour import as_bytes, as_floats
 from aerojax.core.types import FrameSet, Silhouette
 from aerojax.segment.base import Preview, SegmenterConfig
 from aerojax.segment.silhouettes import silhouette_of
+from aerojax.segment.voxel_vote.agreement import uncontradicted
 from aerojax.segment.voxel_vote.background import (
     EVERY,
     Background,
@@ -25,7 +26,7 @@ from aerojax.segment.voxel_vote.background import (
     followed,
     learnt,
 )
-from aerojax.segment.voxel_vote.cluster import Candidate, candidates
+from aerojax.segment.voxel_vote.cluster import Candidate, Region, candidates
 from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
 from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.objects import Known, ObjectsConfig, linked
@@ -153,7 +154,9 @@ class VoxelVoteSegmenter:
         masks = [
             one
             for known, candidate in believed
-            for one in self._silhouettes(known.number, candidate, [c for _, c in pairs], moving, state.volume.cameras)
+            for one in self._silhouettes(
+                known.number, candidate, [c for _, c in pairs], moving, sky, state.volume.cameras
+            )
         ]
         return masks, VoxelVoteState(state.volume, cameras, (*now, *lost), numbers)
 
@@ -246,9 +249,10 @@ class VoxelVoteSegmenter:
         one: Candidate,
         others: Sequence[Candidate],
         moving: Sequence[_Moving | None],
+        sky: Sequence[Sky | None],
         cameras: Sequence[CaptureCamera],
     ) -> list[Silhouette]:
-        """One object's silhouettes in all cameras that show it; what nearer objects hide is theirs."""
+        """One object's silhouettes in all cameras that show it; what nearer objects hide is theirs, leaves are none."""
         found = []
         for index, (region, cue, camera) in enumerate(zip(one.regions, moving, cameras, strict=True)):
             if region is None or cue is None:
@@ -259,7 +263,9 @@ class VoxelVoteSegmenter:
             visible = without(region, [other for other in hiding if other is not None])
             coverage = coverage_of(visible, cue.seen, cue.weight, self.config.masks)
             found.append(silhouette_of(index, number, coverage))
-        return [one for one in found if one is not None]
+        masks = [mask for mask in found if mask is not None]
+        before_sky = [_lies_before(sky[mask.camera], one.regions[mask.camera], mask.coverage.shape) for mask in masks]
+        return uncontradicted(one, masks, before_sky, cameras)
 
 
 def _changes(one: Candidate, moving: Sequence[_Moving | None]) -> bool:
@@ -282,6 +288,10 @@ def _sky(backgrounds: Sequence[Background | None]) -> tuple[Sky | None, ...]:
     return open_sky([None if one is None else one.grey for one in backgrounds])
 
 
+def _lies_before(sky: Sky | None, region: Region | None, shape: tuple[int, ...]) -> bool:
+    return sky is not None and region is not None and is_before(region, sky, shape)
+
+
 def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sky | None], config: CueConfig) -> bool:
     """Whether cameras see the background itself there, in other light: a cast shadow meets on the ground.
 
@@ -289,7 +299,7 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sk
     Nothing casts a shadow on the sky. What moves before it in two images is none, whatever leaves do in the others.
     """
     seen = [(r, m, s) for r, m, s in zip(one.regions, moving, sky, strict=True) if r is not None and m is not None]
-    before_sky = [s is not None and is_before(region, s, cue.weight.shape) for region, cue, s in seen]
+    before_sky = [_lies_before(s, region, cue.weight.shape) for region, cue, s in seen]
     moves = [float((cue.weight[region.window] * region.inside).sum()) >= FEWEST_CHANGED for region, cue, _ in seen]
     if np.count_nonzero(np.logical_and(before_sky, moves)) >= 2:
         return False

@@ -1,0 +1,88 @@
+"""Which of an object's masks the others contradict: what moves before trees may be leaves.
+
+Where three cameras or more see an object before the sky, its outline in another camera is known but for the depth: a
+pixel can be the object's only if a point of its ray lies in all their masks (image-based visual hulls, Matusik et al.
+2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from aerojax.capture.format import CaptureCamera
+from aerojax.core.types import Silhouette
+from aerojax.geometry.cameras import pixel_rays, project_points
+from aerojax.segment.voxel_vote.cluster import Candidate
+from aerojax.segment.voxel_vote.volume import FEWEST_VIEWS
+
+ALONG = 96
+"""Points of a ray that are looked at, over the object's voxels."""
+ACROSS = 32
+"""Pixels along the longer side of the part of the image that are looked at."""
+SHARED = 0.4
+"""Of the pixels that a mask or the hull has, so many both must have; the hull of cameras in a row is too wide."""
+
+
+def uncontradicted(
+    one: Candidate,
+    masks: Sequence[Silhouette],
+    before_sky: Sequence[bool],
+    cameras: Sequence[CaptureCamera],
+) -> list[Silhouette]:
+    """The masks that were seen before the sky, and of the others those that their hull agrees with.
+
+    Args:
+        one: the object.
+        masks: its silhouettes, at most one a camera.
+        before_sky: which of them lie before the sky; all are kept where those are fewer than three.
+        cameras: of the network.
+    """
+    sure = [mask for mask, clear in zip(masks, before_sky, strict=True) if clear]
+    if len(sure) < FEWEST_VIEWS:
+        return list(masks)
+    return [mask for mask, clear in zip(masks, before_sky, strict=True) if clear or _agrees(one, mask, sure, cameras)]
+
+
+def _agrees(one: Candidate, mask: Silhouette, sure: Sequence[Silhouette], cameras: Sequence[CaptureCamera]) -> bool:
+    region, camera = one.regions[mask.camera], cameras[mask.camera]
+    if region is None:
+        return False
+    pixels = _lattice(region.window)
+    may_be = _in_hull(one, pixels, camera, [(cameras[other.camera], other.coverage > 0) for other in sure])
+    shown = _at(mask.coverage > 0.5, pixels)
+    return bool(np.count_nonzero(may_be & shown) >= SHARED * np.count_nonzero(may_be | shown))
+
+
+def _lattice(window: tuple[slice, slice]) -> Float64[np.ndarray, "pixel 2"]:
+    """Centres of pixels all over a window, at most `ACROSS` along its longer side."""
+    step = max(1, -(-max(part.stop - part.start for part in window) // ACROSS))
+    rows, columns = (np.arange(part.start, part.stop, step) for part in window)
+    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2) + 0.5
+
+
+def _in_hull(
+    one: Candidate,
+    pixels: Float64[np.ndarray, "pixel 2"],
+    camera: CaptureCamera,
+    masks: Sequence[tuple[CaptureCamera, Bool[np.ndarray, "_ _"]]],
+) -> Bool[np.ndarray, "pixel"]:
+    """Pixels on whose rays a point lies in all masks."""
+    place = camera.world_from_cam[:3, 3]
+    away = np.linalg.norm(one.centre - place) + one.size * np.linspace(-1, 1, ALONG)
+    points = place + away[:, None, None] * pixel_rays(pixels, camera)
+    inside = np.ones(points.shape[:2], bool)
+    square = np.ones((3, 3), np.uint8)
+    for other, mask in masks:
+        inside &= _at(cv2.dilate(mask.astype(np.uint8), square) > 0, project_points(points, other))
+    return np.any(inside, axis=0)
+
+
+def _at(mask: Bool[np.ndarray, "height width"], pixels: Float64[np.ndarray, "*batch 2"]) -> Bool[np.ndarray, "*batch"]:
+    """What a mask says of these pixels, nothing outside of the image."""
+    column, row = (np.floor(axis).astype(int) for axis in np.moveaxis(pixels, -1, 0))
+    inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
+    return inside & mask[np.where(inside, row, 0), np.where(inside, column, 0)]
