@@ -19,12 +19,14 @@ from aerojax.geometry.cameras import pixel_rays, project_points
 from aerojax.segment.voxel_vote.cluster import Candidate
 from aerojax.segment.voxel_vote.volume import FEWEST_VIEWS
 
-ALONG = 96
+ALONG = 64
 """Points of a ray that are looked at, over the object's voxels."""
-ACROSS = 32
+ACROSS = 24
 """Pixels along the longer side of the part of the image that are looked at."""
 SHARED = 0.4
 """Of the pixels that a mask or the hull has, so many both must have; the hull of cameras in a row is too wide."""
+
+Mask = Bool[np.ndarray, "height width"]
 
 
 def uncontradicted(
@@ -42,18 +44,25 @@ def uncontradicted(
         cameras: of the network.
     """
     sure = [mask for mask, clear in zip(masks, before_sky, strict=True) if clear]
-    if len(sure) < FEWEST_VIEWS:
+    if not FEWEST_VIEWS <= len(sure) < len(masks):
         return list(masks)
-    return [mask for mask, clear in zip(masks, before_sky, strict=True) if clear or _agrees(one, mask, sure, cameras)]
+    square = np.ones((3, 3), np.uint8)
+    cones = [(cameras[own.camera], cv2.dilate((own.coverage > 0).astype(np.uint8), square) > 0) for own in sure]
+    return [
+        mask
+        for mask, clear in zip(masks, before_sky, strict=True)
+        if clear or _agrees(one, mask, cameras[mask.camera], cones)
+    ]
 
 
-def _agrees(one: Candidate, mask: Silhouette, sure: Sequence[Silhouette], cameras: Sequence[CaptureCamera]) -> bool:
-    region, camera = one.regions[mask.camera], cameras[mask.camera]
+def _agrees(
+    one: Candidate, mask: Silhouette, camera: CaptureCamera, cones: Sequence[tuple[CaptureCamera, Mask]]
+) -> bool:
+    region = one.regions[mask.camera]
     if region is None:
         return False
     pixels = _lattice(region.window)
-    may_be = _in_hull(one, pixels, camera, [(cameras[other.camera], other.coverage > 0) for other in sure])
-    shown = _at(mask.coverage > 0.5, pixels)
+    may_be, shown = _in_hull(one, pixels, camera, cones), _at(mask.coverage > 0.5, pixels)
     return bool(np.count_nonzero(may_be & shown) >= SHARED * np.count_nonzero(may_be | shown))
 
 
@@ -68,20 +77,19 @@ def _in_hull(
     one: Candidate,
     pixels: Float64[np.ndarray, "pixel 2"],
     camera: CaptureCamera,
-    masks: Sequence[tuple[CaptureCamera, Bool[np.ndarray, "_ _"]]],
+    cones: Sequence[tuple[CaptureCamera, Mask]],
 ) -> Bool[np.ndarray, "pixel"]:
-    """Pixels on whose rays a point lies in all masks."""
+    """Pixels on whose rays a point lies in all cones: in each camera's mask, or next to it."""
     place = camera.world_from_cam[:3, 3]
     away = np.linalg.norm(one.centre - place) + one.size * np.linspace(-1, 1, ALONG)
     points = place + away[:, None, None] * pixel_rays(pixels, camera)
     inside = np.ones(points.shape[:2], bool)
-    square = np.ones((3, 3), np.uint8)
-    for other, mask in masks:
-        inside &= _at(cv2.dilate(mask.astype(np.uint8), square) > 0, project_points(points, other))
+    for other, mask in cones:
+        inside &= _at(mask, project_points(points, other))
     return np.any(inside, axis=0)
 
 
-def _at(mask: Bool[np.ndarray, "height width"], pixels: Float64[np.ndarray, "*batch 2"]) -> Bool[np.ndarray, "*batch"]:
+def _at(mask: Mask, pixels: Float64[np.ndarray, "*batch 2"]) -> Bool[np.ndarray, "*batch"]:
     """What a mask says of these pixels, nothing outside of the image."""
     column, row = (np.floor(axis).astype(int) for axis in np.moveaxis(pixels, -1, 0))
     inside = (row >= 0) & (row < mask.shape[0]) & (column >= 0) & (column < mask.shape[1])
