@@ -19,7 +19,7 @@ from aerojax.segment.voxel_vote.background import (
     learnt,
 )
 from aerojax.segment.voxel_vote.cluster import Region, candidates
-from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
+from aerojax.segment.voxel_vote.cue import CueConfig, common_gain, motion_weight, unlike_background
 from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.registration import STILL, offset_of
 from aerojax.segment.voxel_vote.silhouette import MaskConfig, coverage_of, without
@@ -105,6 +105,19 @@ def test_a_shadow_keeps_the_texture_and_an_object_has_none_of_it():
     plain = learnt([np.full((120, 160, 3), 128, np.uint8)] * 5, CONFIG)
     seen = difference_of(image, plain, CONFIG)
     assert unlike_background(image, seen, place, CueConfig()) is None
+
+
+def test_a_shadow_without_texture_is_one_gain_and_a_shaded_object_is_not():
+    plain = np.full((120, 160, 3), (90, 110, 60), np.uint8)
+    known, place = learnt([plain] * 5, CONFIG), Region((40, 40), np.ones((12, 12), bool))
+    shading = np.linspace(0.3, 0.6, 12, dtype=np.float32)[:, None, None]
+    for cover, gain in ((np.float32([0.6, 0.65, 0.8]), [0.6, 0.65, 0.8]), (shading, None), (np.float32(1.3), None)):
+        image = plain.astype(np.float32) / 255
+        image[place.window] *= cover
+        found = common_gain(image, difference_of(image, known, CONFIG), place)
+        assert (found is None) == (gain is None)
+        if found is not None:
+            np.testing.assert_allclose(found, gain, atol=0.01)
 
 
 def test_how_many_cameras_must_agree():

@@ -16,6 +16,10 @@ ACROSS = 7
 """Pixels along a side of the neighbourhoods whose texture is compared."""
 TEXTURE = 0.01
 """Standard deviation of a neighbourhood, grey, from which on it has a texture to recognise."""
+LEAST_CHANGE = 0.02
+"""Difference of a pixel, sRGB, whose gain tells anything."""
+ALIKE_GAINS = 0.02
+"""Standard deviation of a shadow's gain, which is the same all over; shaded objects have several times that."""
 FEWEST_PIXELS = 12
 """Of a region that is compared with its background as a whole."""
 
@@ -103,6 +107,26 @@ def unlike_background(
     log_a, log_b = (np.log(np.maximum(one, 0) + np.float32(0.02)) for one in (a, b))
     steps = max(_step_correlation(log_a, log_b, changed), _step_correlation(log_a.T, log_b.T, changed.T))
     return min(float(np.median(np.abs(inside_a - inside_b))) / texture, 1 - steps)
+
+
+def common_gain(
+    image: Float32[np.ndarray, "height width 3"], seen: Difference, region: Region
+) -> Float32[np.ndarray, "3"] | None:
+    """What a region's background is multiplied by, if it is the same darkening for all pixels: a shadow's inside.
+
+    Only pixels that differ by half as much as the one that differs most count: a rim is a mixture.
+
+    Returns:
+        One gain a channel; None where too few pixels changed, or their gains differ, or one is no darkening.
+    """
+    size = seen.size[region.window] * region.inside
+    inside = size >= max(0.5 * float(size.max()), LEAST_CHANGE)
+    if np.count_nonzero(inside) < FEWEST_PIXELS:
+        return None
+    gains = image[region.window][inside] / np.maximum(seen.predicted[region.window][inside], np.float32(1e-3))
+    gain = np.median(gains, axis=0)
+    spread = 1.4826 * float(np.median(np.abs(gains - gain), axis=0).max())
+    return gain if spread <= ALIKE_GAINS and float(gain.max()) < 1 else None
 
 
 def _step_correlation(

@@ -27,7 +27,7 @@ from aerojax.segment.voxel_vote.background import (
     learnt,
 )
 from aerojax.segment.voxel_vote.cluster import Candidate, Region, candidates
-from aerojax.segment.voxel_vote.cue import CueConfig, motion_weight, unlike_background
+from aerojax.segment.voxel_vote.cue import CueConfig, common_gain, motion_weight, unlike_background
 from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.objects import Known, ObjectsConfig, linked
 from aerojax.segment.voxel_vote.previewed import previewed
@@ -55,6 +55,10 @@ SAYING = 0.35
 """Share of the cameras that recognise a shadow, of those before which the background has a texture."""
 UNLIKE = 0.6
 """Share of its background's texture that light leaves unexplained in a place's image, from which on it is an object."""
+
+
+SAME_GAIN = 0.04
+"""Between the gains that two cameras see of one shadow, at most."""
 
 
 @dataclass(frozen=True)
@@ -297,6 +301,7 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sk
 
     Not most of them have to say so: where they look flat along the ground, little of a shadow is left but its rim.
     Nothing casts a shadow on the sky. What moves before it in two images is none, whatever leaves do in the others.
+    Where no camera sees a texture, a shadow is what darkens the ground alike in all its pixels and in most images.
     """
     seen = [(r, m, s) for r, m, s in zip(one.regions, moving, sky, strict=True) if r is not None and m is not None]
     before_sky = [_lies_before(s, region, cue.weight.shape) for region, cue, s in seen]
@@ -306,4 +311,19 @@ def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sk
     on_something = [pair[:2] for pair, beside in zip(seen, before_sky, strict=True) if not beside]
     said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in on_something]
     said = [unlike for unlike in said if unlike is not None]
-    return bool(said) and float(np.quantile(said, SAYING)) < UNLIKE
+    if said:
+        return float(np.quantile(said, SAYING)) < UNLIKE
+    return _is_darkened(on_something)
+
+
+def _is_darkened(seen: Sequence[tuple[Region, _Moving]]) -> bool:
+    """Whether at least two cameras, and half of those in which it moves, see one and the same darkening.
+
+    The same ground is seen by all of them; behind an object each sees another place, and the object from another side.
+    """
+    moves = [pair for pair in seen if float((pair[1].weight[pair[0].window] * pair[0].inside).sum()) >= FEWEST_CHANGED]
+    gains = [common_gain(cue.image, cue.seen, region) for region, cue in moves]
+    known = [gain for gain in gains if gain is not None]
+    if len(known) < max(2, 0.5 * len(moves)):
+        return False
+    return float(np.ptp(np.stack(known), axis=0).max()) <= SAME_GAIN
