@@ -59,9 +59,9 @@ def test_two_objects_have_their_own_numbers_in_all_cameras_whatever_moves_behind
     assert {one.camera for one in silhouettes[5]} == set(range(5))
 
 
-@pytest.mark.parametrize("mottling", [0.18, 0.0])
-def test_a_thrown_shadow_is_no_object(mottling):
-    figures, state, _ = found_in(Scene((DARK,), cameras=4, mottling=mottling))
+@pytest.mark.parametrize("ground", [{}, {"mottling": 0.0}, {"ground": (0.66, 0.78, 0.42)}], ids=["", "plain", "bright"])
+def test_a_thrown_shadow_is_no_object(ground):
+    figures, state, _ = found_in(Scene((DARK,), cameras=4, **ground))
     assert figures["ghosts_in_100"] == 0 and figures["median_iou"] > 0.85
     assert sum(not one.shadow for one in state.objects) == 1
 

@@ -40,6 +40,7 @@ class Scene:
     clutter: ClutterConfig = CALM
     trees: tuple[int, ...] = ()
     mottling: float = 0.18
+    ground: tuple[float, float, float] = (0.35, 0.42, 0.22)
     seed: int = 0
 
     def network(self) -> tuple[CaptureCamera, ...]:
@@ -58,7 +59,7 @@ class Scene:
         cameras = self.network()
         rays = [_rays(camera) for camera in cameras]
         stills = [
-            _background(camera, ray, self.mottling, seed_of(self.seed, i))
+            _background(camera, ray, self.ground, self.mottling, seed_of(self.seed, i))
             for i, (camera, ray) in enumerate(zip(cameras, rays, strict=True))
         ]
         clutter = [
@@ -120,13 +121,15 @@ def _meets(start: np.ndarray, rays: np.ndarray, axes: tuple[float, float, float]
     return (b * b - np.sum(rays * rays, axis=-1) * (np.sum(start * start, axis=-1) - 1) > 0) & (b < 0)
 
 
-def _background(camera: CaptureCamera, rays: np.ndarray, mottling: float, seed: int) -> np.ndarray:
+def _background(
+    camera: CaptureCamera, rays: np.ndarray, colour: tuple[float, float, float], mottling: float, seed: int
+) -> np.ndarray:
     """A pale sky over mottled ground, sharp to the pixel."""
     rng, shape = np.random.default_rng(seed), rays.shape[:2]
     mottled = sum(
         cv2.resize(rng.normal(size=(shape[0] // s, shape[1] // s)).astype(np.float32), shape[::-1]) for s in (2, 8, 24)
     )
-    ground = np.array([0.35, 0.42, 0.22], np.float32) * (1 + mottling * mottled[..., None])
+    ground = np.array(colour, np.float32) * (1 + mottling * mottled[..., None])
     up = rays[..., 2] / np.linalg.norm(rays, axis=-1)
     sky = np.stack([0.75 - 0.5 * up, 0.82 - 0.35 * up, 0.95 - 0.2 * up], axis=-1).astype(np.float32)
     return np.clip(np.where(up[..., None] > 0, sky, ground), 0, 1).astype(np.float32)

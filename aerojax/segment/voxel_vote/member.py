@@ -144,7 +144,7 @@ class VoxelVoteSegmenter:
         found = self._found(state.volume, moving, sky)
         changing, light = (
             [_changes(one, moving) for one in found],
-            [_is_light(one, moving, sky, self.config.cue) for one in found],
+            [_is_light(one, moving, sky, self.config.cue, below=state.volume.is_below(one.centre)) for one in found],
         )
         now, lost = linked(state.objects, found, changing, light, frames.time_s, state.numbers, config.objects)
         numbers = max([state.numbers, *(one.number for one in now)])
@@ -188,7 +188,7 @@ class VoxelVoteSegmenter:
             found = [
                 one
                 for one in self._found(volume, moving, sky)
-                if not (volume.is_below(one.centre) and _is_light(one, moving, sky, self.config.cue))
+                if not (volume.is_below(one.centre) and _is_light(one, moving, sky, self.config.cue, below=True))
             ]
             for camera, kept in enumerate(outlines):
                 regions = [r for candidate in found if (r := candidate.regions[camera]) is not None]
@@ -296,19 +296,27 @@ def _lies_before(sky: Sky | None, region: Region | None, shape: tuple[int, ...])
     return sky is not None and region is not None and is_before(region, sky, shape)
 
 
-def _is_light(one: Candidate, moving: Sequence[_Moving | None], sky: Sequence[Sky | None], config: CueConfig) -> bool:
+def _is_light(
+    one: Candidate,
+    moving: Sequence[_Moving | None],
+    sky: Sequence[Sky | None],
+    config: CueConfig,
+    *,
+    below: bool,
+) -> bool:
     """Whether cameras see the background itself there, in other light: a cast shadow meets on the ground.
 
     Not most of them have to say so: where they look flat along the ground, little of a shadow is left but its rim.
-    Nothing casts a shadow on the sky. What moves before it in two images is none, whatever leaves do in the others.
+    Nothing casts a shadow on the sky. What moves before it in two images is none, whatever leaves do in the others; but
+    what lies `below` all cameras is before the ground, however bright that is.
     Where no camera sees a texture, a shadow is what darkens the ground alike in all its pixels and in most images.
     """
     seen = [(r, m, s) for r, m, s in zip(one.regions, moving, sky, strict=True) if r is not None and m is not None]
     before_sky = [_lies_before(s, region, cue.weight.shape) for region, cue, s in seen]
     moves = [float((cue.weight[region.window] * region.inside).sum()) >= FEWEST_CHANGED for region, cue, _ in seen]
-    if np.count_nonzero(np.logical_and(before_sky, moves)) >= 2:
+    if np.count_nonzero(np.logical_and(before_sky, moves)) >= 2 and not below:
         return False
-    on_something = [pair[:2] for pair, beside in zip(seen, before_sky, strict=True) if not beside]
+    on_something = [pair[:2] for pair, beside in zip(seen, before_sky, strict=True) if below or not beside]
     said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in on_something]
     said = [unlike for unlike in said if unlike is not None]
     if said:
