@@ -55,8 +55,6 @@ SAYING = 0.35
 """Share of the cameras that recognise a shadow, of those before which the background has a texture."""
 UNLIKE = 0.6
 """Share of its background's texture that light leaves unexplained in a place's image, from which on it is an object."""
-
-
 SAME_GAIN = 0.04
 """Between the gains that two cameras see of one shadow, at most."""
 
@@ -268,7 +266,7 @@ class VoxelVoteSegmenter:
             coverage = coverage_of(visible, cue.seen, cue.weight, self.config.masks)
             found.append(silhouette_of(index, number, coverage))
         masks = [mask for mask in found if mask is not None]
-        before_sky = [_lies_before(sky[mask.camera], one.regions[mask.camera], mask.coverage.shape) for mask in masks]
+        before_sky = [is_before(one.regions[mask.camera], sky[mask.camera], mask.coverage.shape) for mask in masks]
         return uncontradicted(one, masks, before_sky, cameras)
 
 
@@ -292,10 +290,6 @@ def _sky(backgrounds: Sequence[Background | None]) -> tuple[Sky | None, ...]:
     return open_sky([None if one is None else one.grey for one in backgrounds])
 
 
-def _lies_before(sky: Sky | None, region: Region | None, shape: tuple[int, ...]) -> bool:
-    return sky is not None and region is not None and is_before(region, sky, shape)
-
-
 def _is_light(
     one: Candidate,
     moving: Sequence[_Moving | None],
@@ -312,24 +306,27 @@ def _is_light(
     Where no camera sees a texture, a shadow is what darkens the ground alike in all its pixels and in most images.
     """
     seen = [(r, m, s) for r, m, s in zip(one.regions, moving, sky, strict=True) if r is not None and m is not None]
-    before_sky = [_lies_before(s, region, cue.weight.shape) for region, cue, s in seen]
+    before_sky = [is_before(region, s, cue.weight.shape) for region, cue, s in seen]
     moves = [float((cue.weight[region.window] * region.inside).sum()) >= FEWEST_CHANGED for region, cue, _ in seen]
     if np.count_nonzero(np.logical_and(before_sky, moves)) >= 2 and not below:
         return False
-    on_something = [pair[:2] for pair, beside in zip(seen, before_sky, strict=True) if below or not beside]
-    said = [unlike_background(cue.image, cue.seen, region, config) for region, cue in on_something]
+    on_something = [
+        (region, cue, moved)
+        for (region, cue, _), beside, moved in zip(seen, before_sky, moves, strict=True)
+        if below or not beside
+    ]
+    said = [unlike_background(cue.image, cue.seen, region, config) for region, cue, _ in on_something]
     said = [unlike for unlike in said if unlike is not None]
     if said:
         return float(np.quantile(said, SAYING)) < UNLIKE
-    return _is_darkened(on_something)
+    return _is_darkened([(region, cue) for region, cue, moved in on_something if moved])
 
 
-def _is_darkened(seen: Sequence[tuple[Region, _Moving]]) -> bool:
-    """Whether at least two cameras, and half of those in which it moves, see one and the same darkening.
+def _is_darkened(moves: Sequence[tuple[Region, _Moving]]) -> bool:
+    """Whether at least two of the cameras in which it moves, and half of them, see one and the same darkening.
 
     The same ground is seen by all of them; behind an object each sees another place, and the object from another side.
     """
-    moves = [pair for pair in seen if float((pair[1].weight[pair[0].window] * pair[0].inside).sum()) >= FEWEST_CHANGED]
     gains = [common_gain(cue.image, cue.seen, region) for region, cue in moves]
     known = [gain for gain in gains if gain is not None]
     if len(known) < max(2, 0.5 * len(moves)):

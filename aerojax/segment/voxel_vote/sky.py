@@ -44,8 +44,10 @@ def open_sky(greys: Sequence[Float32[np.ndarray, "_ _"] | None]) -> tuple[Sky | 
     return tuple(None if one is None else np.asarray(255 * one > level) for one in greys)
 
 
-def is_before(region: Region, sky: Sky, shape: tuple[int, ...]) -> bool:
-    """Whether most of a region's window, in an image of this shape, shows sky."""
+def is_before(region: Region | None, sky: Sky | None, shape: tuple[int, ...]) -> bool:
+    """Whether most of a region's window, in an image of this shape, is known to show sky."""
+    if region is None or sky is None:
+        return False
     rows, columns = (
         slice(int(part.start * small / whole), int(np.ceil(part.stop * small / whole)))
         for part, small, whole in zip(region.window, sky.shape, shape, strict=True)
