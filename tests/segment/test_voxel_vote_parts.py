@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.networks import mask_of, network, position_at
 
+from aerojax.geometry.cameras import look_at
 from aerojax.segment.silhouettes import silhouette_of
 from aerojax.segment.voxel_vote.agreement import uncontradicted
 from aerojax.segment.voxel_vote.background import (
@@ -140,12 +141,27 @@ def test_voxels_hold_the_object_and_little_else(count):
 
 
 @pytest.mark.parametrize("turn", [np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])])
-def test_below_is_lower_than_all_cameras_however_the_world_is_turned(turn):
-    cameras = tuple(replace(camera, world_from_cam=turn @ camera.world_from_cam) for camera in network(4))
-    volume, poses = monitored_volume(cameras, reach=20.0), np.stack([camera.world_from_cam for camera in cameras])
-    middle, down = poses[:, :3, 3].mean(axis=0), poses[:, :3, 1].mean(axis=0)
-    assert volume.is_below(middle + 50 * down)
-    assert not volume.is_below(middle) and not volume.is_below(middle - 50 * down)
+@pytest.mark.parametrize("height", [0.0, 40.0])
+def test_below_is_lower_than_all_cameras_wherever_they_look_however_the_world_is_turned(turn, height):
+    places = [np.array([20.0 * i, -60.0, 8.0]) for i in range(4)]
+    poses = [turn @ look_at(place, np.array([30.0, 0.0, 8.0 + height])) for place in places]
+    cameras = tuple(replace(one, world_from_cam=pose) for one, pose in zip(network(4), poses, strict=True))
+    volume = monitored_volume(cameras, reach=20.0)
+    heights = {z: volume.is_below(turn[:3, :3] @ np.array([30.0, 0.0, z])) for z in (0.0, 7.0, 9.0, 8.0 + height / 2)}
+    assert heights == {z: z < 8 for z in heights}
+
+
+def test_nothing_is_below_cameras_that_all_look_the_same_way():
+    pose = look_at(np.zeros(3), np.array([0.0, 60.0, 20.0]))
+    cameras = tuple(
+        replace(one, world_from_cam=place_at(pose, [20.0 * i, 0.0, 0.0])) for i, one in enumerate(network(4))
+    )
+    volume = monitored_volume(cameras, reach=20.0)
+    assert not volume.is_below(np.array([0.0, 100.0, 1.0])) and not volume.is_below(np.array([0.0, 100.0, -99.0]))
+
+
+def place_at(pose, place):
+    return np.block([[pose[:3, :3], np.array(place)[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
 def test_what_one_camera_sees_is_no_voxel_nor_is_what_none_sees():

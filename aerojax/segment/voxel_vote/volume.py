@@ -18,6 +18,8 @@ NEAREST = 1e-3
 """Of the furthest depth; nearer than that a camera sees lenses and raindrops."""
 DEPTHS, PIXELS = 96, 9
 """Along every ray and along every side of the image, where frusta are probed."""
+LEAST_TURN = 0.035
+"""Between the rows of images, radians, root mean square, from which on they span a level plane."""
 COARSE = 16
 """Cells along a side of the root cube from which each frame's search starts: 4³ levels of nothing are skipped."""
 
@@ -51,10 +53,19 @@ class Volume:
     half: float
 
     def is_below(self, place: Float64[np.ndarray, "3"]) -> bool:
-        """Whether a place lies lower than all cameras do; down is what is down in their images, on average."""
+        """Whether a place lies lower than all cameras do; none does where nothing says which way down is."""
         poses = np.stack([camera.world_from_cam for camera in self.cameras])
-        down = poses[:, :3, 1].mean(axis=0)
-        return bool(place @ down > (poses[:, :3, 3] @ down).max())
+        down = _down(poses)
+        return down is not None and bool(place @ down > (poses[:, :3, 3] @ down).max())
+
+
+def _down(poses: Float64[np.ndarray, "camera 4 4"]) -> Float64[np.ndarray, "3"] | None:
+    """What the rows of all images are level with, so that cameras may look up or down; None where rows are parallel."""
+    rows = poses[:, :3, 0]
+    spread, axes = np.linalg.eigh(rows.T @ rows / len(rows))
+    if spread[1] < LEAST_TURN**2:
+        return None
+    return axes[:, 0] * np.sign(axes[:, 0] @ poses[:, :3, 1].sum(axis=0))
 
 
 def seen_by(camera: CaptureCamera, centres: Float64[np.ndarray, "place 3"], nearest: float = 0.0) -> Seen:
