@@ -20,6 +20,7 @@ from aerojax.segment.voxel_vote.background import (
     learnt,
 )
 from aerojax.segment.voxel_vote.cluster import Region, candidates
+from aerojax.segment.voxel_vote.continued import continue_surroundings
 from aerojax.segment.voxel_vote.cue import CueConfig, common_gain, motion_weight, unlike_background
 from aerojax.segment.voxel_vote.lingering import outline_of, without_lingering
 from aerojax.segment.voxel_vote.registration import STILL, offset_of
@@ -274,6 +275,19 @@ def test_what_is_never_seen_is_continued_where_it_changes_and_doubted_by_the_sur
         # What is the same in all frames may as well be there, and is left alone.
         assert without_lingering(known, images[:1] * 6, {frame: [outline] for frame in range(6)}) is known
     assert variances[1] > 2 * variances[0]
+
+
+@pytest.mark.parametrize("angle", [0, 20, 65, 90, 140])
+def test_straight_edges_go_on_through_what_is_never_seen(angle):
+    rows, columns = np.mgrid[:80, :100]
+    across = (rows - 40) * np.cos(np.radians(angle)) - (columns - 50) * np.sin(np.radians(angle))
+    still = coloured(np.clip(0.5 + 0.2 * across, 0.3, 0.7))
+    gap = ((rows - 40) / 12) ** 2 + ((columns - 50) / 20) ** 2 < 1
+    mean, variance = np.where(gap[..., None], np.float32(0), still), np.zeros(gap.shape, np.float32)
+    continue_surroundings(mean, variance, gap.astype(np.uint8))
+    off = np.abs(mean - still).max(axis=-1)
+    assert np.median(off[gap]) < 0.01 and np.mean(off[gap] > 0.1) < 0.1 and off[~gap].max() == 0
+    assert (variance[gap] > 0).all() and not variance[~gap].any()
 
 
 def test_a_network_whose_cameras_look_apart_monitors_nothing():
