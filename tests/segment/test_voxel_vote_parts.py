@@ -217,6 +217,25 @@ def test_a_mask_before_trees_counts_if_the_hull_of_those_before_the_sky_agrees(c
     assert [one.camera for one in left] == kept
 
 
+@pytest.mark.parametrize(("leaves", "kept"), [(False, [0, 1, 2, 3, 4]), (True, [0, 1, 2])])
+def test_the_hull_of_a_thin_object_is_wider_than_its_masks_and_contradicts_leaves_alone(leaves, kept):
+    cameras, centre = network(5), position_at(7)
+    wing = np.array([0.8, 0.04, 0.04])
+    coverages = [mask_of(camera, centre, wing).astype(np.float32) for camera in cameras]
+    (found,) = candidates(
+        vote(monitored_volume(cameras, reach=20.0), coverages, VoteConfig()), cameras, coverages, VoteConfig()
+    )
+    if leaves:
+        waving = np.random.default_rng(0).random(coverages[0].shape) < 0.3
+        for index in (3, 4):
+            region = found.regions[index]
+            assert region is not None
+            coverages[index][region.window] = waving[region.window] & region.inside
+    masks = [silhouette_of(index, 1, coverage) for index, coverage in enumerate(coverages)]
+    left = uncontradicted(found, masks, [index < 3 for index in range(5)], cameras)
+    assert [one.camera for one in left] == kept
+
+
 def test_crossing_rays_of_two_objects_are_no_third():
     cameras = network(4)
     places = [np.array([0.9, 0.3, 0.0]), np.array([-0.7, -0.5, 0.1])]

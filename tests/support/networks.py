@@ -45,12 +45,12 @@ def position_at(frame: int) -> np.ndarray:
     return np.array([0.9 * np.cos(0.1 * frame), 0.9 * np.sin(0.1 * frame), 0.05 * np.sin(0.23 * frame)])
 
 
-def mask_of(camera: CaptureCamera, centre: np.ndarray) -> np.ndarray:
+def mask_of(camera: CaptureCamera, centre: np.ndarray, axes: np.ndarray = AXES) -> np.ndarray:
     """Pixels whose ray meets the ellipsoid, by the discriminant of the quadratic."""
     columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     pixels = np.stack([columns, rows, np.ones_like(columns)], axis=-1)
-    rays = pixels @ np.linalg.inv(camera.K).T @ camera.world_from_cam[:3, :3].T / AXES
-    start = (camera.world_from_cam[:3, 3] - centre) / AXES
+    rays = pixels @ np.linalg.inv(camera.K).T @ camera.world_from_cam[:3, :3].T / axes
+    start = (camera.world_from_cam[:3, 3] - centre) / axes
     b = rays @ start
     return b * b - np.sum(rays * rays, axis=-1) * (start @ start - 1) > 0
 

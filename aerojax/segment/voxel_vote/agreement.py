@@ -23,8 +23,11 @@ ALONG = 64
 """Points of a ray that are looked at, over the object's voxels."""
 ACROSS = 24
 """Pixels along the longer side of the part of the image that are looked at."""
-SHARED = 0.4
-"""Of the pixels that a mask or the hull has, so many both must have; the hull of cameras in a row is too wide."""
+INSIDE = 0.7
+"""Share of a mask that its hull must hold; it holds all of an object's silhouette, but is wider: three views of a thin
+object leave room for ten of it."""
+FILLED = 0.15
+"""Share of the hull that a mask must fill; a few leaves lie inside of it by chance."""
 
 Mask = Bool[np.ndarray, "height width"]
 
@@ -63,7 +66,8 @@ def _agrees(
         return False
     pixels = _lattice(region.window)
     may_be, shown = _in_hull(one, pixels, camera, cones), _at(mask.coverage > 0.5, pixels)
-    return bool(np.count_nonzero(may_be & shown) >= SHARED * np.count_nonzero(may_be | shown))
+    both = np.count_nonzero(may_be & shown)
+    return bool(both >= max(INSIDE * np.count_nonzero(shown), FILLED * np.count_nonzero(may_be)))
 
 
 def _lattice(window: tuple[slice, slice]) -> Float64[np.ndarray, "pixel 2"]:
@@ -85,7 +89,7 @@ def _in_hull(
     points = place + away[:, None, None] * pixel_rays(pixels, camera)
     inside = np.ones(points.shape[:2], bool)
     for other, mask in cones:
-        inside &= _at(mask, project_points(points, other))
+        inside &= _at(mask, project_points(points, other, behind=-1.0))
     return np.any(inside, axis=0)
 
 
