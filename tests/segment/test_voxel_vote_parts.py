@@ -280,7 +280,8 @@ def test_what_is_never_seen_is_continued_where_it_changes_and_doubted_by_the_sur
     region, variances = Region((60, 50), np.ones((12, 20), bool)), []
     outline = outline_of(region)
     assert outline is not None
-    for still in (np.full((120, 160, 3), 0.6, np.float32), coloured(mottled(scale=8.0))):
+    plain, smooth, rough = np.full((120, 160, 3), 0.6, np.float32), mottled(scale=8.0), mottled(scale=3.0)
+    for still, most in ((plain, 0.01), (coloured(smooth), 0.05), (coloured(rough), 0.25)):
         shown = [still.copy() for _ in range(6)]
         for number, image in enumerate(shown):
             image[region.window] = 0.1 * (number % 2)
@@ -288,12 +289,11 @@ def test_what_is_never_seen_is_continued_where_it_changes_and_doubted_by_the_sur
         known = learnt(images[:1], CONFIG)
         relearnt = without_lingering(known, images, {frame: [outline] for frame in range(6)})
         np.testing.assert_allclose(relearnt.mean[:40], known.mean[:40])
-        variances.append(relearnt.variance[56, 70])
-        off = np.abs(relearnt.mean - still)[region.window].max()
-        assert off < (0.01 if still.std() < 0.01 else 0.05)
+        variances.append(np.median(relearnt.variance[region.window]))
+        assert np.abs(relearnt.mean - still)[region.window].max() < most
         # What is the same in all frames may as well be there, and is left alone.
         assert without_lingering(known, images[:1] * 6, {frame: [outline] for frame in range(6)}) is known
-    assert variances[1] > 2 * variances[0]
+    assert variances[2] > 1.5 * max(variances[:2])
 
 
 @pytest.mark.parametrize("angle", [0, 20, 65, 90, 140])
