@@ -15,8 +15,9 @@ FOUND = {
     "measure_segmentation": "a third of a second, clutter",
     "measure_segmentation_second": "a second, no clutter",
     "measure_segmentation_second_sim3": "a second, no clutter",
+    "measure_segmentation_second_clutter": "a second, clutter",
 }
-"""Results of measure_segmentation with labels, and what their captures are."""
+"""Results of measure_segmentation, and what their captures are."""
 CONSENSUS = "measure_segmentation_consensus"
 ABSENT = "Not measured yet."
 Rows = Sequence[dict[str, Any]]
@@ -41,9 +42,7 @@ def found_masks() -> str:
             overlap, missed = _of(rows, "median_iou"), _of(rows, "missed")
             figures = [f"{median(overlap):.2f}", f"{100 * mean(missed):.0f} %"] if overlap else ["", ""]
             ghosts = f"{mean(_of(rows, 'ghosts_in_100')):.1f}"
-            right = [sum(row[f"label_{which}"] == row["true"] for row in rows) for which in ("found", "given")]
-            some = sum(row["label_found"] is not None for row in rows)
-            lines.append([f"{rig}, {what}", len(rows), len(overlap), *figures, ghosts, some, *right])
+            lines.append([f"{rig}, {what}", len(rows), len(overlap), *figures, ghosts, *_labels(rows)])
     head = [
         "captures",
         "number",
@@ -56,6 +55,14 @@ def found_masks() -> str:
         "by given masks",
     ]
     return markdown(head, lines) if lines else ABSENT
+
+
+def _labels(rows: Rows) -> list[Any]:
+    """How many captures are labelled by the masks that were found, and right by these and by given ones; if asked."""
+    if "label_found" not in rows[0]:
+        return ["", "", ""]
+    right = [sum(row[f"label_{which}"] == row["true"] for row in rows) for which in ("found", "given")]
+    return [sum(row["label_found"] is not None for row in rows), *right]
 
 
 def _consensus() -> dict[tuple[int, int], Rows]:
