@@ -143,7 +143,7 @@ def test_voxels_hold_the_object_and_little_else(count):
 
 @pytest.mark.parametrize("turn", [np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])])
 @pytest.mark.parametrize("height", [0.0, 40.0])
-def test_below_is_lower_than_all_cameras_wherever_they_look_however_the_world_is_turned(turn, height):
+def test_below_is_lower_than_cameras_of_a_line_wherever_they_look(turn, height):
     places = [np.array([20.0 * i, -60.0, 8.0]) for i in range(4)]
     poses = [turn @ look_at(place, np.array([30.0, 0.0, 8.0 + height])) for place in places]
     cameras = tuple(replace(one, world_from_cam=pose) for one, pose in zip(network(4), poses, strict=True))
@@ -152,17 +152,21 @@ def test_below_is_lower_than_all_cameras_wherever_they_look_however_the_world_is
     assert heights == {z: z < 8 for z in heights}
 
 
+@pytest.mark.parametrize("turn", [np.eye(4), np.diag([1.0, -1.0, -1.0, 1.0])])
+def test_below_is_lower_than_all_cameras_however_the_world_is_turned(turn):
+    cameras = tuple(replace(camera, world_from_cam=turn @ camera.world_from_cam) for camera in network(4))
+    volume, poses = monitored_volume(cameras, reach=20.0), np.stack([camera.world_from_cam for camera in cameras])
+    middle, down = poses[:, :3, 3].mean(axis=0), poses[:, :3, 1].mean(axis=0)
+    assert volume.is_below(middle + 50 * down)
+    assert not volume.is_below(middle) and not volume.is_below(middle - 50 * down)
+
+
 def test_nothing_is_below_cameras_that_all_look_the_same_way():
-    pose = look_at(np.zeros(3), np.array([0.0, 60.0, 20.0]))
-    cameras = tuple(
-        replace(one, world_from_cam=place_at(pose, [20.0 * i, 0.0, 0.0])) for i, one in enumerate(network(4))
-    )
+    places = [np.array([20.0 * i, 0.0, 0.0]) for i in range(4)]
+    poses = [look_at(place, place + np.array([0.0, 60.0, 20.0])) for place in places]
+    cameras = tuple(replace(one, world_from_cam=pose) for one, pose in zip(network(4), poses, strict=True))
     volume = monitored_volume(cameras, reach=20.0)
     assert not volume.is_below(np.array([0.0, 100.0, 1.0])) and not volume.is_below(np.array([0.0, 100.0, -99.0]))
-
-
-def place_at(pose, place):
-    return np.block([[pose[:3, :3], np.array(place)[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])
 
 
 def test_what_one_camera_sees_is_no_voxel_nor_is_what_none_sees():
@@ -280,8 +284,8 @@ def test_what_is_never_seen_is_continued_where_it_changes_and_doubted_by_the_sur
     region, variances = Region((60, 50), np.ones((12, 20), bool)), []
     outline = outline_of(region)
     assert outline is not None
-    plain, smooth, rough = np.full((120, 160, 3), 0.6, np.float32), mottled(scale=8.0), mottled(scale=3.0)
-    for still, most in ((plain, 0.01), (coloured(smooth), 0.05), (coloured(rough), 0.25)):
+    plain, smooth, rough = np.full((120, 160, 3), 0.6, np.float32), mottled(scale=8.0), mottled(scale=2.0)
+    for still, most in ((plain, 0.01), (coloured(smooth), 0.05), (coloured(rough), 0.3)):
         shown = [still.copy() for _ in range(6)]
         for number, image in enumerate(shown):
             image[region.window] = 0.1 * (number % 2)
@@ -293,7 +297,7 @@ def test_what_is_never_seen_is_continued_where_it_changes_and_doubted_by_the_sur
         assert np.abs(relearnt.mean - still)[region.window].max() < most
         # What is the same in all frames may as well be there, and is left alone.
         assert without_lingering(known, images[:1] * 6, {frame: [outline] for frame in range(6)}) is known
-    assert variances[2] > 1.5 * max(variances[:2])
+    assert variances[2] > 2 * max(variances[:2])
 
 
 @pytest.mark.parametrize("angle", [0, 20, 65, 90, 140])

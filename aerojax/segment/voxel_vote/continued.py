@@ -18,6 +18,8 @@ ALIKE = 0.01
 """Difference of what a line meets on both sides of a gap, sRGB, below which smaller ones tell nothing."""
 ONE_SIDED = 0.22
 """Difference, sRGB, that a line counts with which ends in the gap or leaves the image there."""
+ENDLESS = 10.0
+"""The same of a line that meets nothing known: only where no other line does is it asked."""
 DOUBTED = 2.0
 """Deviations between lines that a pixel may be off: in validation backgrounds 0.8 % are by more than 2.5 times that."""
 BESIDE_PX = 2.0
@@ -101,7 +103,7 @@ def _along_lines(
     share = np.where(left < 0, 1, np.where(right == side, 0, (place - left) / np.maximum(apart, 1)))[..., None]
     value = (first + share.astype(np.float32) * (last - first)).astype(np.float32)
     ends = (left >= 0).astype(int) + (right < side)
-    unlike = np.choose(ends, [np.float32(1e2), np.float32(ONE_SIDED**2), np.square(last - first).max(axis=-1)])
+    unlike = np.choose(ends, [np.float32(ENDLESS**2), np.float32(ONE_SIDED**2), np.square(last - first).max(axis=-1)])
     back = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     value, unlike, apart = (cv2.warpAffine(one, turned, (columns, rows), flags=back) for one in (value, unlike, apart))
     return value, unlike, apart
