@@ -149,3 +149,14 @@ def test_the_default_folder_of_a_run_is_claimed_once(monkeypatch, tmp_path):
     folders = sorted((tmp_path / "runs/classify").iterdir())
     assert len(folders) == 2
     assert all((folder / "run.json").is_file() and (folder / "hydra").is_dir() for folder in folders)
+
+
+def test_small_programs_are_compiled_once_for_all_processes(tmp_path):
+    script = "from experiments._launch.command import keep_compiled_code as keep; keep()\nimport jax; jax.jit(abs)(1.0)"
+    own = {name: value for name, value in os.environ.items() if not name.startswith("JAX_")}
+    own |= {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(REPOSITORY)}
+    written = []
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", script], env=own, check=True)
+        written.append({path: path.stat().st_mtime_ns for path in (tmp_path / "aerojax/xla").glob("*-cache")})
+    assert any("jit_abs" in path.name for path in written[0]) and written[1] == written[0]
