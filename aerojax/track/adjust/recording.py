@@ -18,7 +18,7 @@ from aerojax.track.adjust.outlines import Outlines
 from aerojax.track.adjust.problem import AdjustConfig, Guess, Problem, Sights, lookable, sight_distances
 from aerojax.track.adjust.splines import fit, knots_over
 from aerojax.track.adjust.stiffness import likely_jerks
-from aerojax.track.adjust.tangency import SIDE_S, TangentModel, Tangents, tangents
+from aerojax.track.adjust.tangency import TangentModel, Tangents, tangents
 from aerojax.track.following import FollowingConfig
 from aerojax.track.offline import Following, follow
 from aerojax.track.sights import Detections, NoiseConfig, TimedCamera, network_times, undistorted
@@ -27,6 +27,8 @@ FEWEST_MOMENTS = 20
 """Of a track that takes part."""
 FEWEST_TANGENTS = 100
 """Pairs of silhouettes that are believed more than the middles of boxes."""
+BOX_S = 2.0
+"""For so long the boxes of an object err alike in a camera."""
 MARGIN_S = 0.1
 """By which paths are longer than what is seen, since clocks move."""
 LOOSE = NoiseConfig(pixel=3.0, outline=0.1, rotation_deg=0.3, position_m=0.15)
@@ -248,7 +250,7 @@ def _posed(
 
 def _views(sights: Sights) -> int:
     """How many cameras' views of objects there are that differ: boxes of one err alike."""
-    when = np.floor(sights.stamp_s / SIDE_S).astype(np.int64)
+    when = np.floor(sights.stamp_s / BOX_S).astype(np.int64)
     return len(np.unique(np.stack([sights.camera, sights.path, when], axis=1), axis=0))
 
 

@@ -28,8 +28,9 @@ SAME_S = 5e-4
 BIAS = 0.25
 """What is wrong with outlines of one object in two cameras for long (thin parts that one of them misses), in standard
 deviations; pairs of one block share it, so that their mean is no better known than this."""
-SIDE_S = 2.0
-"""For so long an object shows about the same side."""
+SIDE_S = 6.0
+"""For so long an object shows about the same side. With 2 s, what was wrong with outlines of hovering drones for all of
+six seconds looked like a second camera that is turned."""
 _STEPS, _ENOUGH = 30, 1e-6
 _NONE = np.zeros(UNKNOWNS)
 
@@ -41,7 +42,7 @@ class Tangents:
     """Pairs of silhouettes of one object in one instant.
 
     first, second: cameras of each pair. of_first, of_second: their silhouettes, by row of `corners`.
-    blocks: how many differ in cameras, object or two seconds.
+    blocks: how many differ in cameras, object or `SIDE_S`.
     corners: of each hull, pixels, the last one repeated to equal numbers.
     """
 

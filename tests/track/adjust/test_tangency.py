@@ -20,9 +20,12 @@ def moved(camera: TimedCamera, turn=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0)) -> T
     return corrected(camera, Correction(0.0, 0.0, 0.0, np.array(turn), np.array(shift), NONE))
 
 
-def silhouettes(cameras, *, things: int = 3, moments: int = 20, noise_px: float = 0.0) -> Tangents:
-    """Of bodies of thirty corners, each at twenty places."""
+def silhouettes(
+    cameras, *, things: int = 3, moments: int = 20, noise_px: float = 0.0, lasting_px: float = 0.0, seed: int = 0
+) -> Tangents:
+    """Of bodies of thirty corners, each at so many places; what is wrong with a camera's view of one may last."""
     rng = np.random.default_rng(0)
+    lasting = np.random.default_rng(100 + seed).normal(0, lasting_px, (things, len(cameras), 1, 2))
     bodies = rng.normal(0, [1.0, 0.6, 0.3], (things, 30, 3))
     places = np.array([0.0, 0.0, 12.0]) + rng.uniform(-8, 8, (things, moments, 3)) * [1, 1, 0.5]
     camera, time_s, owner, outlines = [], [], [], []
@@ -32,7 +35,7 @@ def silhouettes(cameras, *, things: int = 3, moments: int = 20, noise_px: float 
             camera.append(index)
             time_s.append(moment / 30)
             owner.append(thing)
-            outlines.append(pixels + rng.normal(0, noise_px, pixels.shape))
+            outlines.append(pixels + rng.normal(0, noise_px, pixels.shape) + lasting[thing, index])
     outlines[0] = np.zeros((0, 2))  # partly covered
     owner[1] = -1  # of no track
     return tangents(np.array(camera), np.array(time_s), np.array(owner), tuple(outlines))
@@ -81,6 +84,17 @@ def test_cameras_that_are_right_are_left_alone():
     looked, found = choose(model, np.zeros_like(may), may, true)
     assert not looked.any()
     np.testing.assert_allclose(model.values(found), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_wrong_with_outlines_for_seconds_is_not_a_camera_that_is_wrong(seed):
+    true = ring(4)
+    given = (*true[:2], moved(true[2], turn=np.radians(0.5) * np.array([0.6, -0.64, 0.48])), true[3])
+    pairs = silhouettes(true, moments=180, noise_px=0.2, lasting_px=0.15, seed=seed)
+    model, may = TangentModel(pairs, given, CONFIG), lookable(CONFIG, 4)
+    looked, found = choose(model, np.zeros_like(may), may, given)
+    assert np.flatnonzero(looked.any(axis=1)).tolist() == [2] and looked[2, TURN].all()
+    assert difference(found[2], true[2], NONE).angle_deg < 0.05
 
 
 def test_nothing_to_pair():
