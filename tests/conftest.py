@@ -19,8 +19,8 @@ def pytest_configure() -> None:
     cache = Path(tempfile.gettempdir()) / f"aerojax-tests-{os.getuid()}" / "xla"
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(cache))
     jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
-    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")  # writing all small ones costs more here
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +34,7 @@ def _strict_jax():
 
 @pytest.fixture(autouse=True, scope="module")
 def _free_programs():
-    """Programs of one file do not stay in memory for the next; what was compiled comes back from the shared cache."""
+    """Programs of one file do not stay in memory for the next; what compiled long comes back from the shared cache."""
     yield
     jax.clear_caches()
     gc.collect()
