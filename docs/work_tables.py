@@ -205,7 +205,7 @@ def corrected() -> str:
     there = {path.stem for path in (ROOT / "results").glob("*.json")}
     for scenes, file, kind in (one for one in CORRECTED if one[1] in there):
         found = load(file)
-        some = found["summary"][kind]
+        some = found["summary"].get(kind, {})
         for key in (key for key in names if key in some):
             rows.append([scenes, names[key], f"{some[key]['median']:.3g}", f"{some[key]['worst']:.3g}"])
         if "rotation_error_deg" in some:
