@@ -25,7 +25,10 @@ EDGE_PX = 0.5
 """Standard deviation of an outline's place."""
 SAME_S = 5e-4
 """Between two images of one instant; what flies at 20 m/s moves by a centimetre."""
-BIAS = 0.25
+OUTLIER = 0.5
+"""Scale of Cauchy's cost, in standard deviations. Outlines are mostly right to the edge's and now and then off by many
+(thin parts that a camera misses), for a second or more: with 3, six seconds of outlines erred twice as far."""
+BIAS = 0.1
 """What is wrong with outlines of one object in two cameras for long (thin parts that one of them misses), in standard
 deviations; pairs of one block share it, so that their mean is no better known than this."""
 SIDE_S = 6.0
@@ -136,7 +139,7 @@ class TangentModel:
     def _normal(self, guess: Cameras) -> tuple[np.ndarray, np.ndarray, float]:
         """Curvature, slope and cost about a guess."""
         off, by_pose = residuals(self.tangents, guess)
-        scale = self.config.outlier**2
+        scale = OUTLIER**2
         weight = 1 / (1 + off**2 / scale)
         rows = prior_matrix(self.config, self.given)
         before = rows @ self.values(guess).ravel()
