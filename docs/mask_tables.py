@@ -7,7 +7,7 @@ from statistics import mean, median
 from typing import Any
 
 import numpy as np
-from result_cells import ROOT, load, markdown
+from result_cells import load, markdown, measured
 
 from aerojax.view.dataset.plots import Curve, Labels, curve_plot, standalone
 
@@ -23,10 +23,6 @@ ABSENT = "Not measured yet."
 Rows = Sequence[dict[str, Any]]
 
 
-def _there(name: str) -> bool:
-    return (ROOT / "results" / f"{name}.json").is_file()
-
-
 def _of(rows: Rows, key: str) -> list[float]:
     """Values of the captures that have any: those without an image in which the object is large enough have none."""
     return [row[key] for row in rows if row[key] is not None]
@@ -36,7 +32,7 @@ def found_masks() -> str:
     """Overlap and ghosts of masks that were found, and labels by them and by those of the captures."""
     lines = []
     for name, what in FOUND.items():
-        every = load(name)["rows"] if _there(name) else []
+        every = load(name)["rows"] if measured(name) else []
         for rig in sorted({row["capture"].split("_")[0] for row in every}):
             rows = [row for row in every if row["capture"].startswith(f"{rig}_")]
             overlap, missed = _of(rows, "median_iou"), _of(rows, "missed")

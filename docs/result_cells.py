@@ -22,6 +22,11 @@ def load(name: str) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+def measured(name: str) -> bool:
+    """Whether there is a results/<name>.json."""
+    return (ROOT / "results" / f"{name}.json").is_file()
+
+
 def formatted(value: Any, how: str) -> str:
     """A value as the page has it."""
     if how.endswith("%"):

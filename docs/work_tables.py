@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from result_cells import ROOT, formatted, load, markdown
+from result_cells import ROOT, formatted, load, markdown, measured
 
 from aerojax.core.provenance import command_of_result
 
@@ -97,13 +97,13 @@ def torch() -> str:
 
 def endurance() -> str:
     """What was killed, soaked and fuzzed, as far as there are results."""
-    there, rows = {path.stem for path in (ROOT / "results").glob("*.json")}, []
-    if "measure_kills" in there:
+    rows = []
+    if measured("measure_kills"):
         found = load("measure_kills")
         for row in found["acts"]:
             said = f"{row['byte_equal']} of {row['kills']} ended with the same bytes; {len(row['failures'])} failures"
             rows.append([f"`{row['act']}`: SIGKILL at random moments, a full disk, a read-only folder", said])
-    if "measure_soak" in there:
+    if measured("measure_soak"):
         found = load("measure_soak")
         windows, growth = found["windows"], found["growth_in_10000_frames"]
         said = f"{windows[1]['step_ms']:.1f} ms a step at the begin, {windows[-1]['step_ms']:.1f} at the end; "
@@ -111,9 +111,9 @@ def endurance() -> str:
         said += f"{windows[-1]['handles']} handles, {windows[1]['handles']} at the begin; "
         said += f"a probability at the same frame of the loop moves by at most {formatted(found['drift'], '.0e')}"
         rows.append([f"a stream of {found['frames']:,} frames, {found['cameras']} small cameras", said])
-    if "measure_soak_serve" in there:
+    if measured("measure_soak_serve"):
         rows.append(_served(load("measure_soak_serve")))
-    if "fuzz" in there:
+    if measured("fuzz"):
         found = load("fuzz")
         said = f"{len(found['findings'])} findings"
         rows.append([f"{found['inputs']:,} damaged files of {len(found['read'])} formats, seed {found['seed']}", said])
@@ -133,7 +133,7 @@ def _served(found: dict[str, Any]) -> list[str]:
 
 def live() -> str:
     """What `serve` takes from a frame's pictures to its tracks."""
-    if not (ROOT / "results/benchmark_live.json").exists():
+    if not measured("benchmark_live"):
         return "Not measured yet."
     rows = []
     for row in load("benchmark_live")["live"]["rows"]:
@@ -163,8 +163,7 @@ CORRECTED = (
 
 def _tracked() -> dict[str, Any]:
     """Summaries by kind, of detections and of masks, as far as there are results."""
-    there = {path.stem for path in (ROOT / "results").glob("*.json")}
-    names = [name for name in ("measure_tracking", "measure_tracking_masks") if name in there]
+    names = filter(measured, ("measure_tracking", "measure_tracking_masks"))
     return {kind: row for name in names for kind, row in load(name)["summary"].items()}
 
 
@@ -202,8 +201,7 @@ def corrected() -> str:
         "off_px": "sights of the worst camera off by, as given, pixels",
         "then_px": "and as found, pixels",
     }
-    there = {path.stem for path in (ROOT / "results").glob("*.json")}
-    for scenes, file, kind in (one for one in CORRECTED if one[1] in there):
+    for scenes, file, kind in (one for one in CORRECTED if measured(one[1])):
         found = load(file)
         some = found["summary"].get(kind, {})
         for key in (key for key in names if key in some):
