@@ -148,8 +148,17 @@ def _compared(name: str) -> str:
 
 def networks() -> str:
     """MambaSplat-4D beside other networks: turned windows, and whole clips less those of E(X)."""
+    return _networks("compare_classifiers_baselines")
+
+
+def turned_networks() -> str:
+    """The same beside networks whose training clips were turned."""
+    return _networks("compare_classifiers_turned")
+
+
+def _networks(name: str) -> str:
     rows = []
-    for row in load("compare_classifiers_baselines")["rows"]:
+    for row in load(name)["rows"]:
         turned = [spread(row["turned"][kind]) for kind in ("none", "z", "so3", "so3_per_frame")]
         whole, gap = row["tests"]["all"], row["difference"]
         clips = f"{spread(whole['accuracy'])} {interval_cell(*whole['interval_95'], how='.0f')}"
