@@ -26,8 +26,8 @@ EDGE_PX = 0.5
 SAME_S = 5e-4
 """Between two images of one instant; what flies at 20 m/s moves by a centimetre."""
 OUTLIER = 0.5
-"""Scale of Cauchy's cost, in standard deviations. Outlines are mostly right to the edge's and now and then off by many
-(thin parts that a camera misses), for a second or more: with 3, six seconds of outlines erred twice as far."""
+"""Scale of Cauchy's cost, in standard deviations. Outlines are mostly right to `EDGE_PX` and now and then off by much
+more (thin parts that a camera misses), for a second or longer: with 3, six seconds of outlines erred twice as far."""
 BIAS = 0.1
 """What is wrong with outlines of one object in two cameras for long (thin parts that one of them misses), in standard
 deviations; pairs of one block share it, so that their mean is no better known than this."""
