@@ -7,7 +7,7 @@ from statistics import mean, median
 from typing import Any
 
 import numpy as np
-from result_cells import load, markdown, measured
+from result_cells import ABSENT, load, markdown, measured
 
 from aerojax.view.dataset.plots import Curve, Labels, curve_plot, standalone
 
@@ -19,7 +19,6 @@ FOUND = {
 }
 """Results of measure_segmentation, and what their captures are."""
 CONSENSUS = "measure_segmentation_consensus"
-ABSENT = "Not measured yet."
 Rows = Sequence[dict[str, Any]]
 
 

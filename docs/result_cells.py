@@ -12,6 +12,7 @@ from aerojax.evaluate.markdown import mean_cell, table_lines
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+ABSENT = "Not measured yet."
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
 

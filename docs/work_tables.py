@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from result_cells import ROOT, formatted, load, markdown, measured
+from result_cells import ABSENT, ROOT, formatted, load, markdown, measured
 
 from aerojax.core.provenance import command_of_result
 
@@ -117,7 +117,7 @@ def endurance() -> str:
         found = load("fuzz")
         said = f"{len(found['findings'])} findings"
         rows.append([f"{found['inputs']:,} damaged files of {len(found['read'])} formats, seed {found['seed']}", said])
-    return markdown(["what", "result"], rows) if rows else "Not measured yet."
+    return markdown(["what", "result"], rows) if rows else ABSENT
 
 
 def _served(found: dict[str, Any]) -> list[str]:
@@ -134,7 +134,7 @@ def _served(found: dict[str, Any]) -> list[str]:
 def live() -> str:
     """What `serve` takes from a frame's pictures to its tracks."""
     if not measured("benchmark_live"):
-        return "Not measured yet."
+        return ABSENT
     rows = []
     for row in load("benchmark_live")["live"]["rows"]:
         asked, spent = row["asked_per_s"], row["frame_to_track_ms"]
@@ -181,7 +181,7 @@ def several() -> str:
         if kind in found
     ]
     head = ["tracks of", "scenes", "IDF1", "GOSPA, m", "RMSE, m", "ghosts in 100", "changed numbers"]
-    return markdown(head, rows) if rows else "Not measured yet."
+    return markdown(head, rows) if rows else ABSENT
 
 
 def corrected() -> str:
@@ -210,7 +210,7 @@ def corrected() -> str:
             errors = [(row["rotation_error_deg"], row["position_error_m"]) for row in found["rows"][kind]]
             within = [angle <= 0.05 and distance <= 0.03 for angle, distance in errors]
             rows.append([scenes, "scenes within 0.05° and 0.03 m", f"{sum(within)} of {len(within)}", ""])
-    return markdown(["scenes", "figure", "median", "worst"], rows) if rows else "Not measured yet."
+    return markdown(["scenes", "figure", "median", "worst"], rows) if rows else ABSENT
 
 
 def track_labels() -> str:
@@ -225,7 +225,7 @@ def track_labels() -> str:
             cells = [row[key] for key in ("tracks", "answered", "right", "sure", "sure_right", "unknown")]
             rows.append([name, *cells])
     head = ["", "tracks", "with a likeliest class", "right", "with a class as answer", "right", "called unknown"]
-    return markdown(head, rows) if rows else "Not measured yet."
+    return markdown(head, rows) if rows else ABSENT
 
 
 def _tree(commit: str) -> str:
