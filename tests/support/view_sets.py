@@ -34,6 +34,7 @@ def cameras_around(count: int, size: int, turn: float = 0.0) -> Camera:
     return Camera(jnp.broadcast_to(K, (count, 3, 3)), poses, size, size)
 
 
+@jax.jit
 def shown(gaussians: Gaussians, cameras: Camera, behind: float) -> Rendering:
     return render(gaussians, cameras, background=jnp.full(3, behind), antialias=True)
 
