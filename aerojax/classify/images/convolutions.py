@@ -1,4 +1,8 @@
-"""Convolutions of the 2D baselines: ordinary ones, because depthwise ones are slow in XLA on a CPU."""
+"""Convolutions of the 2D baselines: ordinary ones, because depthwise ones are slow in XLA on a CPU.
+
+They are sums of nine matrix products. As fast as XLA's convolution by itself, and twenty times as fast in a `scan` over
+micro-batches, where that one runs on a CPU without its fast path (240 crops forward and back: 0.15 and 2.8 s).
+"""
 
 from __future__ import annotations
 
@@ -19,8 +23,10 @@ class Convolution(nnx.Module):
 
     def __call__(self, x: Float[Array, "height width inputs"]) -> Float[Array, "height width outputs"]:
         """Convolve one image."""
-        layout = ("NHWC", "HWIO", "NHWC")
-        y = jax.lax.conv_general_dilated(x[None], self.weight[...], (1, 1), "SAME", dimension_numbers=layout)[0]
+        height, width = x.shape[:2]
+        bordered, kernel = jnp.pad(x, ((1, 1), (1, 1), (0, 0))), self.weight[...]
+        shifted = [bordered[i : i + height, j : j + width] @ kernel[i, j] for i in range(3) for j in range(3)]
+        y = sum(shifted[1:], start=shifted[0])
         return y + over_last_axis(self.bias[...], y)
 
 
