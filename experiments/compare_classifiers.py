@@ -3,8 +3,9 @@
 `python -m experiments.compare_classifiers` runs every row that conf/rows/features.yaml names, tested under the rotation
 protocols and frame by frame; `rows=steps` those of an ablation of data, tokens, features and members, each of which
 changes one thing; `rows=studies` parts and sizes of MambaSplat-4D; `rows=reconstructors` it on clips of two
-reconstructors; `rows=baselines` it beside other networks, turned and as whole clips of every folder. Each leaves
-table.md and table.json in the sweep's directory; started again, it goes on where it stopped.
+reconstructors; `rows=baselines` it beside other networks, turned and as whole clips of every folder; `rows=images`
+networks that label crops. Each leaves table.md and table.json in the sweep's directory; started again, it goes on where
+it stopped.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Config(ExaminedTraining):
     model: MambaSplat, whose features and bridges are compared, unless the row names another member.
     """
 
-    rows: Literal["features", "steps", "baselines", "studies", "reconstructors"]
+    rows: Literal["features", "steps", "baselines", "studies", "reconstructors", "images"]
     classifier: str
     change: str = ""
     against: str = ""

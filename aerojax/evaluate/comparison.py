@@ -13,7 +13,7 @@ import numpy as np
 from aerojax.core.files import write_json, write_text
 from aerojax.evaluate.ablation import ablation_markdown, ablation_rows, over_seeds
 from aerojax.evaluate.markdown import mean_cell, table_lines
-from aerojax.evaluate.network_table import network_markdown, network_rows
+from aerojax.evaluate.network_table import image_rows, network_markdown, network_rows
 from aerojax.evaluate.rotations import PROTOCOLS
 
 RESULT = "comparison.json"
@@ -85,6 +85,7 @@ TABLES = {
     "studies": (ablation_rows, ablation_markdown),
     "reconstructors": (ablation_rows, ablation_markdown),
     "baselines": (network_rows, network_markdown),
+    "images": (image_rows, ablation_markdown),
 }
 """By the kind of rows: what makes them of runs, and Markdown of them."""
 

@@ -13,6 +13,8 @@ from aerojax.evaluate.rotations import TEST_ROTATIONS
 
 REFERENCE = "E_X"
 """The row that all others are held against."""
+WHOLE = "views"
+"""The row of images that are read together and over time."""
 NAMES = {"none": "none", "z": "z", "so3": "SO(3)", "so3_per_frame": "SO(3) a frame"}
 
 
@@ -36,6 +38,20 @@ def network_rows(runs: Sequence[Mapping[str, Any]], *, seed: int = 0, draws: int
         row |= {"trained": group[0]["trained"], "windows": group[0]["windows"], "turned": turned}
         row |= {"last_frame": over_seeds([run["last_frame"] for run in group])}
     return rows
+
+
+def image_rows(runs: Sequence[Mapping[str, Any]], *, seed: int = 0, draws: int = 2000) -> list[dict[str, Any]]:
+    """One row a classifier, as `ablation_rows`, of networks that no rotation of the world concerns.
+
+    Args:
+        runs: contents of `comparison.json` of the rows `images`, each of another classifier or seed.
+        seed, draws: of the bootstrap over individuals.
+
+    Returns:
+        JSON-ready rows; all others are held against `WHOLE`.
+    """
+    held = [{**run, "change": run["label"], "against": "" if run["classifier"] == WHOLE else WHOLE} for run in runs]
+    return ablation_rows(held, seed=seed, draws=draws)
 
 
 def _turned(rotations: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

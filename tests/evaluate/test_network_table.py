@@ -11,7 +11,7 @@ from aerojax.core.types import CLASSES
 from aerojax.evaluate.ablation import HEAD, answers_to_json
 from aerojax.evaluate.comparison import TABLES
 from aerojax.evaluate.groups import AnsweredClips
-from aerojax.evaluate.network_table import REFERENCE, network_markdown, network_rows
+from aerojax.evaluate.network_table import REFERENCE, WHOLE, image_rows, network_markdown, network_rows
 from aerojax.evaluate.rotations import TEST_ROTATIONS
 
 CLIPS = 8
@@ -64,3 +64,10 @@ def test_a_row_without_the_reference_is_a_table_too():
     rows_of, markdown_of = TABLES["baselines"]
     (row,) = rows_of([run("vn", 0, 4, 0.5)])
     assert row["difference"] is None and "tested SO(3) a frame" in markdown_of([row])
+
+
+def test_images_are_held_against_those_that_are_read_together():
+    runs = [run("b4_lite", 0, 4, 0.5), run(WHOLE, 0, 8, 1.0)]
+    rows = {row["classifier"]: row for row in image_rows(runs, draws=200)}
+    assert rows[WHOLE]["difference"] is None and rows["b4_lite"]["difference"]["accuracy"] == pytest.approx(-0.5)
+    assert rows["b4_lite"]["change"] == "network b4_lite" and "turned" not in rows["b4_lite"]

@@ -17,11 +17,11 @@ def rows_of(table: str) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("table", ["features", "steps", "baselines", "studies", "reconstructors"])
+@pytest.mark.parametrize("table", ["features", "steps", "baselines", "studies", "reconstructors", "images"])
 def test_rows_of(table):
     names, kind = rows_of(table), config_of("compare_classifiers")
     assert len(set(names)) == len(names)
     for name in names:
         config = to_dataclass(values_of("compare_classifiers", f"rows={table}", f"classifier={name}"), kind)
         assert (config.rows, config.classifier) == (table, name)
-        assert table in ("baselines", "features") or config.against in ("", *names)
+        assert table in ("baselines", "features", "images") or config.against in ("", *names)
