@@ -11,34 +11,29 @@ from aerojax.evaluate.markdown import interval_cell
 
 
 def accuracy() -> str:
-    """Accuracy of the two trained classifiers by test set."""
-    answered, views, splat = (
-        load(f"{name}") for name in ("measure_accuracy_small", "train_classifier_small", "train_classifier_mambasplat")
+    """Accuracy of the two shipped classifiers by test set."""
+    both = [load(f"measure_accuracy_{name}") for name in ("small", "mambasplat")]
+    sets = {"Sim-1, Sim-2 and random networks": [found["all"] for found in both]}
+    for name in ("sim1", "sim2", "random", "sim3"):
+        sets[name] = [found["folders"][f"data/clips_small/{name}"] for found in both]
+    far = [found["distance_64_to_280_m"][0] for found in both]
+    sets[f"{far[0]['low']:g} to {far[0]['high']:g} m, of all rigs"] = far
+
+    def cell(row: dict[str, Any]) -> str:
+        return f"{percent(row['accuracy'])} {interval_cell(*row['interval_95'], how='.0f')}"
+
+    return markdown(
+        ["test set", "sequences", "views, 95 %", "mambasplat, 95 %"],
+        ([name, rows[0]["clips"], *map(cell, rows)] for name, rows in sets.items()),
     )
-    folders = {name.rpartition("/")[2]: row for name, row in answered["folders"].items()}
-    far = answered["distance_64_to_280_m"][0]
-    rows = [("Sim-1, Sim-2 and random networks", answered["all"], splat["tests"]["all"]["accuracy"])]
-    rows += [(name, folders[name], splat["tests"][name]["accuracy"]) for name in ("sim1", "sim2", "random")]
-    alone = {"clips": views["tests"]["sim3"]["clips"], "accuracy": views["tests"]["sim3"]["accuracy"]}
-    rows.append(("sim3, of the clips that there are", alone, splat["tests"]["sim3"]["accuracy"]))
-    right = splat["tests"]["sim3"]["accuracy"] * splat["tests"]["sim3"]["clips"]
-    rows.append(("sim3, of all sequences", folders["sim3"], right / folders["sim3"]["clips"]))
-    rows.append((f"{far['low']:g} to {far['high']:g} m, of all rigs", far, None))
-
-    def line(name: str, row: dict[str, Any], other: float | None) -> list[object]:
-        low, high = row.get("interval_95", (None, None))
-        interval = "" if low is None else f"{100 * low:.0f} to {100 * high:.0f}"
-        return [name, row["clips"], percent(row["accuracy"]), interval, "" if other is None else percent(other)]
-
-    return markdown(["test set", "clips", "views", "95 %", "mambasplat"], (line(*row) for row in rows))
 
 
 def confusion() -> str:
     """Answers of the default weights by class."""
-    found = load("train_classifier_small")
-    names, test = found["classes"], found["test"]
+    found = load("measure_accuracy_small")
+    names, test = found["classes"], found["all"]
     rows = [
-        [f"**{name}**", *row, percent(recall)]
+        [f"**{name}**", *row[: len(names)], percent(recall)]
         for name, row, recall in zip(names, test["confusion"], test["recall"], strict=True)
     ]
     return markdown(["truth, answer", *names, "recall"], rows)
@@ -129,6 +124,11 @@ def on_hulls_and_refined() -> str:
 def studies() -> str:
     """MambaSplat-4D by its parts and sizes."""
     return _compared("compare_classifiers_studies")
+
+
+def sizes() -> str:
+    """MambaSplat-4D by its depth, its width, and without time."""
+    return _compared("compare_classifiers_sizes")
 
 
 def _compared(name: str) -> str:
