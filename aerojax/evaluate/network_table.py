@@ -12,9 +12,9 @@ from aerojax.evaluate.markdown import interval_cell, mean_cell, table_lines
 from aerojax.evaluate.rotations import TEST_ROTATIONS
 
 REFERENCE = "E_X"
-"""The row that all others are held against."""
+"""The row that other networks are held against."""
 WHOLE = "views"
-"""The row of images that are read together and over time."""
+"""The row that networks on single crops are held against: it reads images together and over time."""
 NAMES = {"none": "none", "z": "z", "so3": "SO(3)", "so3_per_frame": "SO(3) a frame"}
 
 
@@ -30,8 +30,7 @@ def network_rows(runs: Sequence[Mapping[str, Any]], *, seed: int = 0, draws: int
         the test clips, with the interval over individuals (the mean of the seeds' ends), `last_frame` that of their
         last frames alone, `difference` the row's accuracy less that of `REFERENCE` on the same clips.
     """
-    held = [{**run, "against": "" if run["classifier"] == REFERENCE else REFERENCE} for run in runs]
-    rows = ablation_rows(held, seed=seed, draws=draws)
+    rows = ablation_rows(_held_against(REFERENCE, runs), seed=seed, draws=draws)
     for row in rows:
         group = [run for run in runs if run["classifier"] == row["classifier"]]
         turned = {kind: _turned([run["figures"]["rotations"][kind] for run in group]) for kind in TEST_ROTATIONS}
@@ -50,8 +49,12 @@ def image_rows(runs: Sequence[Mapping[str, Any]], *, seed: int = 0, draws: int =
     Returns:
         JSON-ready rows; all others are held against `WHOLE`.
     """
-    held = [{**run, "change": run["label"], "against": "" if run["classifier"] == WHOLE else WHOLE} for run in runs]
-    return ablation_rows(held, seed=seed, draws=draws)
+    named = [{**run, "change": run["label"]} for run in runs]
+    return ablation_rows(_held_against(WHOLE, named), seed=seed, draws=draws)
+
+
+def _held_against(row: str, runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    return [{**run, "against": "" if run["classifier"] == row else row} for run in runs]
 
 
 def _turned(rotations: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
