@@ -127,12 +127,13 @@ def split_figures(
         frames: clips are cut or padded to so many.
     """
     sets = {folder.name: load_split((folder,), split, frames) for folder in (*folders, *more)}
-    sets["all"] = load_split(folders, split, frames)
     classifier = with_card(classifier, token_ensembles=TEST_ENSEMBLES)
+    said = {name: (log_probabilities(classifier, clips), clips.label, clips.identity) for name, clips in sets.items()}
+    answers, label, identity = zip(*(said[folder.name] for folder in folders), strict=True)
+    said["all"] = np.concatenate(answers), np.concatenate(label), sum(identity, ())  # together they are not asked again
     return {
-        name: label_figures(log_probabilities(classifier, clips), clips.label)
-        | {"identities": len(set(clips.identity))}
-        for name, clips in sets.items()
+        name: label_figures(answers, label) | {"identities": len(set(identity))}
+        for name, (answers, label, identity) in said.items()
     }
 
 
