@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import sys
 
 _TRIM_THRESHOLD, _MMAP_MAX, _ARENA_MAX = -1, -4, -8
@@ -14,8 +15,9 @@ def keep_freed_memory() -> bool:
 
     XLA allocates a program's working memory anew in every call. By default glibc maps such blocks and unmaps them
     again, so that every call pays for the system's zeroing of each page: a third of the processor time of a training
-    step on a CPU. Kept, they cost it once. The process stays at its largest size until it ends, which is what a
-    training run does anyhow; do not call this where memory is measured.
+    step on a CPU. Kept, they cost it once. The process stays at its largest size, which is what a training run does
+    anyhow; do not call this where memory is measured. What is free by now is given back first: the clips of a sweep's
+    next run seldom fit into the place of those of the last, and would be added to it.
 
     Call it before the first JAX computation: later threads have pools of their own already. Nothing happens where the C
     library is not glibc.
@@ -27,4 +29,6 @@ def keep_freed_memory() -> bool:
         return False
     # One pool for all threads, none of it mapped apart, and nothing of its end given back.
     wanted = ((_ARENA_MAX, 1), (_MMAP_MAX, 0), (_TRIM_THRESHOLD, -1))
+    gc.collect()
+    library.malloc_trim(0)
     return all(library.mallopt(parameter, value) == 1 for parameter, value in wanted)

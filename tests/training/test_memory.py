@@ -31,3 +31,27 @@ def test_freed_memory_is_kept():
         faults[keep] = int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     # 128 MiB are 32 768 pages of 4 KiB, or 64 of 2 MiB.
     assert faults[True] < 32 < faults[False]
+
+
+GIVE_BACK = """
+import ctypes, resource
+from aerojax.training.memory import keep_freed_memory
+def resident(): return int(open("/proc/self/statm").read().split()[1]) * resource.getpagesize() >> 20
+keep_freed_memory()
+library = ctypes.CDLL(None)
+library.malloc.restype, library.malloc.argtypes = ctypes.c_void_p, [ctypes.c_size_t]
+library.free.argtypes = [ctypes.c_void_p]
+start, block, above = resident(), library.malloc(256 << 20), library.malloc(1 << 20)
+ctypes.memset(block, 1, 256 << 20)
+library.free(block)
+kept = resident() - start
+keep_freed_memory()
+print(kept, resident() - start)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the allocator of glibc is set on Linux only")
+def test_the_next_run_of_a_sweep_does_not_add_to_what_the_last_one_freed():
+    found = subprocess.run([sys.executable, "-c", GIVE_BACK], check=True, capture_output=True, text=True).stdout
+    kept, left = map(int, found.split())
+    assert kept >= 250 and left < 50
