@@ -19,9 +19,10 @@ from aerojax.core.config import to_dataclass
 from aerojax.core.errors import UserError
 from aerojax.evaluate.result_paths import NoSuchRowError, lookup
 
-Rule = Literal["equal", "more", "less", "above", "below", "bound"]
+Rule = Literal["equal", "more", "less", "above", "below", "bound", "over"]
 """equal: the same quantity, equal up to `tolerance`. more, less: of our figure, more or less of which is better.
-above, below: the claim is that a difference is above or below 0. bound: it is that a figure is not above `figure`."""
+above, below: the claim is that a difference is above or below 0. bound, over: it is that a figure is not above
+`figure`, or is above it."""
 Verdict = Literal["reproduced", "contradicted", "beaten", "undecided", "not measured"]
 """undecided: measured, and the interval holds both answers."""
 VERDICTS: dict[Verdict, str] = {
@@ -115,6 +116,8 @@ def verdict(claim: Claim, figure: Figure | None) -> Verdict:
         return "reproduced" if abs(figure.value - claim.figure) <= claim.tolerance else "contradicted"
     if claim.rule == "bound":
         return "reproduced" if high <= claim.figure else "contradicted" if low > claim.figure else "undecided"
+    if claim.rule == "over":
+        return "reproduced" if low > claim.figure else "contradicted" if high <= claim.figure else "undecided"
     if claim.rule in ("less", "below"):
         low, high, reference = -high, -low, -claim.figure
     else:
