@@ -137,47 +137,42 @@ def _compared(name: str) -> str:
     for row in load(name)["rows"]:
         tests, gap = row["tests"], row["difference"]
         less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], '+.1f')}"
-        whole = f"{spread(tests['all']['accuracy'])} {interval_cell(*tests['all']['interval_95'], how='.0f')}"
         clips = f"{row['training_clips']:,} of {row['training_identities']:,}"
         against = f"`{row['against']}`" if row["against"] else ""
         far = [spread(tests[name]["accuracy"]) for name in ("sim1", "sim2", "random", "sim3")]
-        rows.append([f"`{row['classifier']}`", against, row["change"], clips, len(row["seeds"]), whole, less, *far])
+        about = against, row["change"], clips, len(row["seeds"])
+        rows.append([f"`{row['classifier']}`", *about, _whole(row), less, *far])
     head = ["row", "against", "what changes", "clips of individuals", "seeds", "all, %", "difference"]
     return markdown([*head, "sim1", "sim2", "random", "sim3"], rows)
 
 
 def networks() -> str:
     """MambaSplat-4D beside other networks: turned windows, and whole clips less those of E(X)."""
-    return _networks("compare_classifiers_baselines")
-
-
-def turned_networks() -> str:
-    """The same beside networks whose training clips were turned."""
-    return _networks("compare_classifiers_turned")
-
-
-def _networks(name: str) -> str:
     rows = []
-    for row in load(name)["rows"]:
+    for row in load("compare_classifiers_baselines")["rows"]:
         turned = [spread(row["turned"][kind]) for kind in ("none", "z", "so3", "so3_per_frame")]
-        whole, gap = row["tests"]["all"], row["difference"]
-        clips = f"{spread(whole['accuracy'])} {interval_cell(*whole['interval_95'], how='.0f')}"
+        gap = row["difference"]
         less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], '+.1f')}"
         about = row["label"], f"{row['parameters']:,}", row["trained"], len(row["seeds"])
-        rows.append([f"`{row['classifier']}`", *about, *turned, clips, less])
+        rows.append([f"`{row['classifier']}`", *about, *turned, _whole(row), less])
     head = ["row", "network", "parameters", "trained", "seeds", "none", "z", "SO(3)", "SO(3) a frame", "whole clips, %"]
     return markdown([*head, "less `E_X`"], rows)
 
 
-def image_networks() -> str:
-    """The default member beside networks that label crops: whole clips by folder, one figure for all rotations."""
+def networks_by_folder() -> str:
+    """The same networks on whole clips that are not turned, by folder."""
     rows = []
-    for row in load("compare_classifiers_images")["rows"]:
-        whole = row["tests"]["all"]
-        clips = f"{spread(whole['accuracy'])} {interval_cell(*whole['interval_95'], how='.0f')}"
-        folders = [spread(row["tests"][name]["accuracy"]) for name in ("sim1", "sim2", "random", "sim3")]
-        rows.append([f"`{row['classifier']}`", row["label"], f"{row['parameters']:,}", clips, *folders])
-    return markdown(["row", "network", "parameters", "all, %", "sim1", "sim2", "random", "sim3"], rows)
+    for row in load("compare_classifiers_baselines")["rows"]:
+        folders = [spread(row["tests"][folder]["accuracy"]) for folder in ("sim1", "sim2", "random", "sim3")]
+        about = row["label"], f"{row['parameters']:,}", len(row["seeds"])
+        rows.append([f"`{row['classifier']}`", *about, _whole(row), *folders])
+    return markdown(["row", "network", "parameters", "seeds", "all, %", "sim1", "sim2", "random", "sim3"], rows)
+
+
+def _whole(row: dict[str, Any]) -> str:
+    """Accuracy of whole clips of all counted folders, with its interval over individuals."""
+    whole = row["tests"]["all"]
+    return f"{spread(whole['accuracy'])} {interval_cell(*whole['interval_95'], how='.0f')}"
 
 
 def ensembles() -> str:
