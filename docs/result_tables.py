@@ -135,13 +135,12 @@ def _compared(name: str) -> str:
     """Rows of a comparison, each with its difference from the row that it is held against."""
     rows = []
     for row in load(name)["rows"]:
-        tests, gap = row["tests"], row["difference"]
-        less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], '+.1f')}"
+        tests = row["tests"]
         clips = f"{row['training_clips']:,} of {row['training_identities']:,}"
         against = f"`{row['against']}`" if row["against"] else ""
         far = [spread(tests[name]["accuracy"]) for name in ("sim1", "sim2", "random", "sim3")]
         about = against, row["change"], clips, len(row["seeds"])
-        rows.append([f"`{row['classifier']}`", *about, _whole(row), less, *far])
+        rows.append([f"`{row['classifier']}`", *about, _whole(row), _less(row), *far])
     head = ["row", "against", "what changes", "clips of individuals", "seeds", "all, %", "difference"]
     return markdown([*head, "sim1", "sim2", "random", "sim3"], rows)
 
@@ -151,10 +150,8 @@ def networks() -> str:
     rows = []
     for row in load("compare_classifiers_baselines")["rows"]:
         turned = [spread(row["turned"][kind]) for kind in ("none", "z", "so3", "so3_per_frame")]
-        gap = row["difference"]
-        less = "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], '+.1f')}"
         about = row["label"], f"{row['parameters']:,}", row["trained"], len(row["seeds"])
-        rows.append([f"`{row['classifier']}`", *about, *turned, _whole(row), less])
+        rows.append([f"`{row['classifier']}`", *about, *turned, _whole(row), _less(row)])
     head = ["row", "network", "parameters", "trained", "seeds", "none", "z", "SO(3)", "SO(3) a frame", "whole clips, %"]
     return markdown([*head, "less `E_X`"], rows)
 
@@ -173,6 +170,12 @@ def _whole(row: dict[str, Any]) -> str:
     """Accuracy of whole clips of all counted folders, with its interval over individuals."""
     whole = row["tests"]["all"]
     return f"{spread(whole['accuracy'])} {interval_cell(*whole['interval_95'], how='.0f')}"
+
+
+def _less(row: dict[str, Any]) -> str:
+    """How far it is from the row that it is held against, on the same clips; empty where it is that row."""
+    gap = row["difference"]
+    return "" if gap is None else f"{100 * gap['accuracy']:+.1f} {interval_cell(gap['low'], gap['high'], '+.1f')}"
 
 
 def ensembles() -> str:

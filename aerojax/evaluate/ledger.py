@@ -116,14 +116,13 @@ def verdict(claim: Claim, figure: Figure | None) -> Verdict:
         return "reproduced" if abs(figure.value - claim.figure) <= claim.tolerance else "contradicted"
     if claim.rule == "bound":
         return "reproduced" if high <= claim.figure else "contradicted" if low > claim.figure else "undecided"
-    if claim.rule == "over":
-        return "reproduced" if low > claim.figure else "contradicted" if high <= claim.figure else "undecided"
     if claim.rule in ("less", "below"):
         low, high, reference = -high, -low, -claim.figure
     else:
         reference = claim.figure
-    if claim.rule in ("above", "below"):
-        return "reproduced" if low > 0 else "contradicted" if high <= 0 else "undecided"
+    if claim.rule in ("above", "below", "over"):
+        limit = reference if claim.rule == "over" else 0.0
+        return "reproduced" if low > limit else "contradicted" if high <= limit else "undecided"
     if low > reference:
         return "beaten"
     if high < reference:
